@@ -25,9 +25,9 @@ from anhyst.identification import identify
 from anhyst.model.writer import write_model
 from anhyst.support.numeric import FloatArray
 from anhyst.verification import verify
-from anhyst.verification.protocol import COMPENSATOR, ON_GRID
+from anhyst.verification.protocol import COMPENSATOR_RECORD, ON_GRID
 from anhyst_rigs.rig.piezo import read_piezo_rig
-from anhyst_rigs.study.piezo import measure, reference, track
+from anhyst_rigs.study.piezo import make_reference, measure_stage_loops, simulate_tracking
 from compiled import ported_costs
 from rows import ROOT, Row, measurements
 
@@ -119,7 +119,7 @@ def _classic(own: Loop) -> Inverse:
 def stage() -> list[Row]:
     """Follow a triangle with the virtual stage."""
     rig = read_piezo_rig(ROOT / "examples" / "piezo" / "rig.toml")
-    found = track(rig)
+    found = simulate_tracking(rig)
     texts = ", ".join(
         f"{name} {1e9 * one['rms_m']:.0f} nm rms, {1e9 * one['worst_m']:.0f} worst"
         for name, one in found.errors.items()
@@ -128,10 +128,10 @@ def stage() -> list[Row]:
         Row(
             "virtual piezo stage, 100 Hz bandwidth, triangle of 30 um at 10 Hz: with over without",
             "<= 0.2",
-            f"{found.ratio():.3f}: {texts}",
-            found.ratio() <= 0.2,
+            f"{found.deviation_ratio():.3f}: {texts}",
+            found.deviation_ratio() <= 0.2,
         ),
-        *_compiled(rig.settings.timing.rate_Hz, measure(rig), reference(rig)),
+        *_compiled(rig.settings.timing.rate_Hz, measure_stage_loops(rig), make_reference(rig)),
     ]
 
 
@@ -146,9 +146,9 @@ def _compiled(rate: float, loops: Loops, wanted: FloatArray) -> list[Row]:
         begin = compiled.plan.block.table("GAP_OFFSET")[0] / 2**15
         path = wanted / compiled.plan.block.scales.demand
         path = np.concatenate([np.linspace(begin, path[0], LEAD_TICKS), path])
-        codes = np.zeros((path.size, len(COMPENSATOR.places)), dtype="<u4")
+        codes = np.zeros((path.size, len(COMPENSATOR_RECORD.input_positions)), dtype="<u4")
         codes[:, 0] = np.round(2**15 * path)
-        codes[:, COMPENSATOR.inputs.index("how")] = ON_GRID
+        codes[:, COMPENSATOR_RECORD.inputs.index("how")] = ON_GRID
         most, mean = ported_costs(folder, codes)
     worst = compiled.manifest["accuracy"]["worst_percent"]
     return [

@@ -15,20 +15,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import map_ordered
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.drift import changed, draw_plant
+from anhyst_rigs.rig.drift import change_rig, sample_plant
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.fitted import identify_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
-from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.rig.stage.setpoint import scan_motion
 from anhyst_rigs.study.tracking.bodies import StageLaw
-from anhyst_rigs.study.tracking.excitation import design, fly
-from anhyst_rigs.study.tracking.learner import Learner, fit
-from anhyst_rigs.study.tracking.measures import cross_talk, measure, still_axes
+from anhyst_rigs.study.tracking.estimator import ParameterEstimator, calibrate_from_motions
+from anhyst_rigs.study.tracking.excitation import fly_legs, select_legs
+from anhyst_rigs.study.tracking.measures import cross_talk, measure, stationary_axes
 from calibration_trials import SCANS, Bench, bench_of, training
 from planar import RIG
 from rows import Row
@@ -52,25 +52,25 @@ def balanced(given: tuple[Bench, int]) -> Flown:
     """Calibrate one plant."""
     bench, plant = given
     rig, law = bench.rig, StageLaw(bench.rig, bench.magnet, bench.method)
-    drift, noise = draw_plant(rig.settings, rig.settings.seed, plant)
-    motion = motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
+    drift, noise = sample_plant(rig.settings, rig.settings.seed, plant)
+    motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
     setup, gains = StageSetup(rig, law.compensator(0.0), drift=drift), bench.gains
 
     def judged() -> list[float]:
         run = track(setup, motion, gains, noise)
-        crossed = cross_talk(run, motion, still_axes(rig.settings))
+        crossed = cross_talk(run, motion, stationary_axes(rig.settings))
         own = measure(run, motion, rig.settings.scan.slit_s)
         nano = [own.average_m, own.peak_m, 1e-6 * own.settling_50_s]
         return [1e9 * one for one in (*nano, crossed["z_m"], crossed["ry_rad"], crossed["rz_rad"])]
 
-    figures, learner = [judged()], Learner(law)
+    figures, learner = [judged()], ParameterEstimator(law)
     for scan in range(1, max(SCANS) + 1):
-        learner.learn(law.motion(track(setup, training(rig), gains, noise + scan).columns))
-        setup = law.stage(learner.found, drift)
-        gains = bench.calibrated_gains if learner.seen else gains
+        learner.update(law.make_motion(track(setup, training(rig), gains, noise + scan).columns))
+        setup = law.corrected_stage(learner.calibration, drift)
+        gains = bench.calibrated_gains if learner.identified else gains
         if scan in SCANS:
             figures.append(judged())
-    return Flown(np.array(figures), learner.found.taken, learner.found.fits)
+    return Flown(np.array(figures), learner.calibration.is_applied, learner.calibration.fits)
 
 
 WAYS = {"x": None, "y": [11.0, 6.0, 9.0]}
@@ -82,7 +82,7 @@ def along(rig: BodyRig, way: str) -> BodyRig:
     """Return the stage with its set-points in another direction."""
     peaks = WAYS[way] or rig.settings.scan.test_m_per_s2
     direction = [float(axis == way) for axis in "xyz"]
-    return changed(rig, {"scan.direction": direction, "scan.test_m_per_s2": peaks})
+    return change_rig(rig, {"scan.direction": direction, "scan.test_m_per_s2": peaks})
 
 
 def in_both(given: tuple[Bench, int]) -> list[list[float]]:
@@ -92,7 +92,7 @@ def in_both(given: tuple[Bench, int]) -> list[list[float]]:
     """
     bench, plant = given
     law = StageLaw(bench.rig, bench.magnet, bench.method)
-    drift, noise = draw_plant(bench.rig.settings, bench.rig.settings.seed, plant)
+    drift, noise = sample_plant(bench.rig.settings, bench.rig.settings.seed, plant)
     nominal = StageSetup(bench.rig, law.compensator(0.0))
     plain = replace(nominal, drift=drift)
 
@@ -100,18 +100,20 @@ def in_both(given: tuple[Bench, int]) -> list[list[float]]:
         averages, turned = [], []
         for way in WAYS:
             rig = along(bench.rig, way)
-            motion = motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
+            motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
             run = track(replace(setup, rig=rig), motion, Feedforward(), noise)
             averages.append(1e9 * measure(run, motion, rig.settings.scan.slit_s).average_m)
             turned.append(1e9 * cross_talk(run, motion, ["rz"])["rz_rad"])
         return [*averages, turned[0]]
 
     def after(run: Recording) -> list[float]:
-        return judged(law.stage(fit(law, [law.motion(run.columns)]), drift))
+        return judged(
+            law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)]), drift)
+        )
 
-    legs = design(Learner(law), nominal)
+    legs = select_legs(ParameterEstimator(law), nominal)
     worked = track(plain, training(bench.rig), Feedforward(), noise + 1)
-    return [judged(plain), after(worked), after(fly(plain, legs, noise + 1))]
+    return [judged(plain), after(worked), after(fly_legs(plain, legs, noise + 1))]
 
 
 def of_method(method: str, flown: Sequence[Flown]) -> list[Row]:
@@ -139,11 +141,11 @@ def of_method(method: str, flown: Sequence[Flown]) -> list[Row]:
 def asked() -> list[Row]:
     """Return the moving average and Rz, those to reach of all plants, of baselines of the first ones."""
     rig = read_stage(RIG)
-    magnet = identify_stage(rig)
-    benches = all_of(bench_of, [("planar", rig, magnet, method) for method in METHODS])
+    magnet = identify_stage_magnet(rig)
+    benches = map_ordered(bench_of, [("planar", rig, magnet, method) for method in METHODS])
     plants = [PLANTS if bench.method == METHODS[0] else FEWER for bench in benches]
     work = [(bench, one) for bench, n in zip(benches, plants, strict=True) for one in range(n)]
-    flown = all_of(balanced, work)
+    flown = map_ordered(balanced, work)
     return [
         row
         for own in benches
@@ -158,9 +160,9 @@ def asked() -> list[Row]:
 def rows() -> list[Row]:
     """Return the lines of this table."""
     rig = read_stage(RIG)
-    magnet = identify_stage(rig)
-    benches = all_of(bench_of, [("planar", rig, magnet, method) for method in METHODS])
-    ways = np.array(all_of(in_both, [(benches[0], plant) for plant in range(PLANTS)]))
+    magnet = identify_stage_magnet(rig)
+    benches = map_ordered(bench_of, [("planar", rig, magnet, method) for method in METHODS])
+    ways = np.array(map_ordered(in_both, [(benches[0], plant) for plant in range(PLANTS)]))
     half, most = np.percentile(ways, [50.0, 95.0], axis=0)
     text = "; ".join(
         f"{name} "
@@ -172,7 +174,7 @@ def rows() -> list[Row]:
     )
     what = "balancing, full, mass alone fed forward: before -> after x -> after the move instead"
     both = Row(what, "stated", text, None)
-    flown = all_of(balanced, [(bench, plant) for bench in benches for plant in range(PLANTS)])
+    flown = map_ordered(balanced, [(bench, plant) for bench in benches for plant in range(PLANTS)])
     return [both] + [
         row
         for place, bench in enumerate(benches)

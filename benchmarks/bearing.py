@@ -15,7 +15,7 @@ from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.case_table import TrajectoryCase
-from anhyst_rigs.rig.drift import changed, with_iron
+from anhyst_rigs.rig.drift import change_iron, change_rig
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.parts.iron import CellSteel
@@ -65,7 +65,7 @@ def read() -> tuple[BodyRig, ControllerFile]:
 
 def make_iron(rig: BodyRig, controller: ControllerFile, fraction: float) -> Iron:
     """Measure the loops of an iron, identify its model, fit every variant."""
-    own = with_iron(rig, fraction)
+    own = change_iron(rig, fraction)
     knowledge = identify_magnet(measure_loops(own))
     setups = {
         variant: make_setup(own, controller.settings, knowledge, variant, "fixed")
@@ -85,7 +85,7 @@ def same_gains(iron: Iron) -> list[StepCell]:
 
 def overshoot(cells: Sequence[StepCell], variant: MethodName) -> list[float]:
     """Mean overshoot of a variant at every height, per cent; not a number where a run was lost."""
-    return [one.of("overshoot_percent").mean for one in cells if one.variant == variant]
+    return [one.interval("overshoot_percent").mean for one in cells if one.variant == variant]
 
 
 def steps_table(irons: Sequence[Iron], results: Sequence[Sequence[StepCell]]) -> str:
@@ -112,14 +112,14 @@ def _percent(cell: StepCell) -> str:
     """Overshoot with its interval, and whether it is no more than the noise of a standstill."""
     if cell.lost:
         return f"{cell.lost} of {cell.runs} lost"
-    one = cell.of("overshoot_percent")
-    return f"{one.mean:.2f} ± {one.half_width:.2f} %{'' if cell.overshoots else ' ≤ noise'}"
+    one = cell.interval("overshoot_percent")
+    return f"{one.mean:.2f} ± {one.half_width:.2f} %{'' if cell.has_overshoot else ' ≤ noise'}"
 
 
 def _mean(cell: CaseFigures, name: str, factor: float, form: str, unit: str) -> str:
     if cell.lost:
         return f"{cell.lost} of {cell.runs} lost"
-    return f"{factor * cell.of(name).mean:{form}} {unit}"
+    return f"{factor * cell.interval(name).mean:{form}} {unit}"
 
 
 def quiet(rig: BodyRig) -> BodyRig:
@@ -133,7 +133,7 @@ def quiet(rig: BodyRig) -> BodyRig:
         noise_m=5e-9,
         bandwidth_Hz=sensor.bandwidth_Hz,
     )
-    return changed(rig, {"gap_sensor": capacitive})
+    return change_rig(rig, {"gap_sensor": capacitive})
 
 
 def slow_table(irons: Sequence[Iron]) -> str:
@@ -149,7 +149,7 @@ def slow_table(irons: Sequence[Iron]) -> str:
             name: BearingSetup(rig, s.compensator, s.controller) for name, s in iron.setups.items()
         }
         seeds = default_seeds(rig)
-        tried = experiments.of_all(experiments.follow, setups, seeds, shape)
+        tried = experiments.run_variants(experiments.run_trajectory, setups, seeds, shape)
         gap, load = rig.settings.gap_m, rig.settings.load.force_N
         small = compare_steps(list(setups.values()), [gap], [1e-6], [load], seeds)
         for name, cell in zip(setups, small, strict=True):
@@ -206,10 +206,12 @@ def _standstill(irons: Sequence[Iron]) -> list[Row]:
             name: BearingSetup(quiet(iron.rig), one.compensator, one.controller)
             for name, one in iron.setups.items()
         }
-        tried = experiments.of_all(experiments.stand_still, setups, default_seeds(iron.rig), None)
+        tried = experiments.run_variants(
+            experiments.run_standstill, setups, default_seeds(iron.rig), None
+        )
         full = tried["full"]
         reported = ", ".join(_standstill_text(name, one) for name, one in tried.items())
-        reached = not full.lost and full.of("rms_m").mean <= 10e-9 and not full.cycles
+        reached = not full.lost and full.interval("rms_m").mean <= 10e-9 and not full.cycles
         asked = iron.rig.settings.iron is not None and iron is not irons[0]
         found.append(
             Row(
@@ -239,12 +241,14 @@ def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
         cells = compare_steps(list(setups.values()), [gap], HEIGHTS, [load], seeds)
         by = [cells[4 * place : 4 * place + 4] for place in range(len(formats))]
         apart = max(
-            abs(a.of("overshoot_percent").mean - b.of("overshoot_percent").mean)
+            abs(a.interval("overshoot_percent").mean - b.interval("overshoot_percent").mean)
             for a, b in zip(by[0], by[2], strict=True)
         )
         still = [
-            experiments.of_all(experiments.stand_still, {variant: one}, seeds, None)[variant]
-            .of("rms_m")
+            experiments.run_variants(experiments.run_standstill, {variant: one}, seeds, None)[
+                variant
+            ]
+            .interval("rms_m")
             .mean
             for one in (setups["f64"], setups["fixed"])
         ]
@@ -267,7 +271,7 @@ def _events(iron: Iron) -> list[Row]:
     found = []
     for event in experiments.EVENTS:
         seeds = default_seeds(iron.rig)
-        tried = experiments.of_all(experiments.recover, iron.setups, seeds, event)
+        tried = experiments.run_variants(experiments.run_event, iron.setups, seeds, event)
         key = "recovery_s" if event == "overload" else "excess_s"
         reported = ", ".join(
             f"{name} {_mean(one, key, 1e3, '.1f', 'ms')}" for name, one in tried.items()

@@ -16,17 +16,21 @@ import numpy as np
 
 import balancing
 import levitated
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import map_ordered
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CalibratedMethod
-from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.fitted import identify_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet
 from anhyst_rigs.rig.stage.loop import StageSetup, track
-from anhyst_rigs.study.tracking.learner import FORGET_S, WORK, Learner
+from anhyst_rigs.study.tracking.estimator import (
+    FORGETTING_TIME_S,
+    TRAINING_SCANS,
+    ParameterEstimator,
+)
 from anhyst_rigs.study.tracking.measures import Measures
 from calibration_trials import (
     COMPILED,
@@ -105,7 +109,7 @@ class Found:
     @property
     def taken(self) -> int:
         """Of how many plants the law was taken."""
-        return sum(found.taken for _, found in self.flown)
+        return sum(found.is_applied for _, found in self.flown)
 
     def pairs(self, name: str) -> str:
         """Return these percentiles, one after another."""
@@ -131,7 +135,7 @@ def all_plants(trials: Sequence[Trial]) -> dict[Case, Found]:
     """Fly all trials, and return them by their case."""
     found: dict[Case, Found] = {}
 
-    for trial, flown in zip(trials, all_of(Trial.run, trials), strict=True):
+    for trial, flown in zip(trials, map_ordered(Trial.run, trials), strict=True):
         case = trial.bench.iron, trial.bench.method, trial.errors, trial.world
         found.setdefault(case, Found([])).flown.append(flown)
     return found
@@ -188,7 +192,7 @@ def of_example(flown: Mapping[Case, Found]) -> list[Row]:
     for (_, method, errors, world), found in flown.items():
         average = found.percentiles("average_m")
         if world == LEFT_ON:
-            what = f"{own}, {LEFT_ON}, {WORK} scans, then {REPEATED} more of the test set-point"
+            what = f"{own}, {LEFT_ON}, {TRAINING_SCANS} scans, then {REPEATED} more of the test set-point"
             lines.append(found.row(what, "10 / 20", within(average[-1], (10.0, 20.0))))
         elif world in (COMPILED, MOVE):
             lines += headline(f"{own}, {world}", AIMS.get(method), found)
@@ -231,7 +235,7 @@ def iron_of(given: tuple[str, BodyRig]) -> tuple[str, BodyRig, IdentifiedMagnet]
     else:
         iron = tomllib.loads(IRONS.read_text(encoding="utf-8"))[name]
     other = with_iron(rig, iron)
-    return name, other, identify_stage(other, measure_loops(other))
+    return name, other, identify_stage_magnet(other, measure_loops(other))
 
 
 def kept_at_it(bench: Bench) -> tuple[float, float]:
@@ -242,21 +246,21 @@ def kept_at_it(bench: Bench) -> tuple[float, float]:
     law = WORLDS[""].law(bench)
     setup = StageSetup(law.rig, law.compensator(0.0), drift=drawn(0))
     flown = [track(setup, training(law.rig), bench.gains, seed) for seed in (1, 2, 3)]
-    scans = [law.motion(run.columns) for run in flown]
+    scans = [law.make_motion(run.columns) for run in flown]
     gently = replace(training(law.rig), peaks=(0.2, 0.2), speed=0.004)
     swing = 8.0 * np.sin(2.0 * np.pi * 3.0 * law.rig.dt * np.arange(10**6))
     load = swing[: round(gently.duration / law.rig.dt)]
-    rest = law.motion(track(setup, gently, bench.gains, 1, load=load).columns)
-    learner, count = Learner(law, FORGET_S), WORKED[bench.method]
+    rest = law.make_motion(track(setup, gently, bench.gains, 1, load=load).columns)
+    learner, count = ParameterEstimator(law, FORGETTING_TIME_S), WORKED[bench.method]
 
     def moved(motions: Sequence[int]) -> float:
-        before = dict(learner.values)
+        before = dict(learner.estimate)
         for number in motions:
-            learner.learn(rest if number < 0 else scans[number % 3])
+            learner.update(rest if number < 0 else scans[number % 3])
         return max(
-            abs(learner.values[name] - before[name]) / learner.priors[name]
+            abs(learner.estimate[name] - before[name]) / learner.prior_sigma[name]
             for name in law.names
-            if learner.priors[name] > 0.0
+            if learner.prior_sigma[name] > 0.0
         )
 
     moved(range(3 * (count // 6)))
@@ -286,16 +290,16 @@ def rows() -> list[Row]:
             met = "" if row.met is None else ": met" if row.met else ": MISSED"
             print(f"{row.what} | {row.reach}{met} | {row.measured}", file=sys.stderr, flush=True)
 
-    rig = changed(read_stage(RIG), {"scan.average_weight": AVERAGE})
-    own = "own", rig, identify_stage(rig)
-    benches = all_of(bench_of, [(*own, method) for method in METHODS])
+    rig = change_rig(read_stage(RIG), {"scan.average_weight": AVERAGE})
+    own = "own", rig, identify_stage_magnet(rig)
+    benches = map_ordered(bench_of, [(*own, method) for method in METHODS])
     told(of_example(all_plants(trials_of_example(benches))))
-    others = all_of(iron_of, [(name, rig) for name in OTHERS])
-    made = all_of(bench_of, [(*iron, method) for iron in others for method in METHODS])
+    others = map_ordered(iron_of, [(name, rig) for name in OTHERS])
+    made = map_ordered(bench_of, [(*iron, method) for iron in others for method in METHODS])
     trials = [Trial(bench, plant, SCANS[-1:]) for bench in made for plant in range(FEWER)]
     told(of_iron(iron, method, one) for (iron, method, *_), one in all_plants(trials).items())
     at_it = [bench for bench in benches if bench.method in WORKED]
-    told(map(of_hours, at_it, all_of(kept_at_it, at_it)))
+    told(map(of_hours, at_it, map_ordered(kept_at_it, at_it)))
     told(levitated.asked())
     told(balancing.asked())
     return found

@@ -22,17 +22,22 @@ import numpy as np
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CalibratedMethod
-from anhyst_rigs.rig.drift import Drift, changed, draw_drift
+from anhyst_rigs.rig.drift import Drift, change_rig, sample_drift
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
-from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
-from anhyst_rigs.study.plants import ERRORS
+from anhyst_rigs.rig.stage.setpoint import SetPoint, scan_motion
+from anhyst_rigs.study.plants import ERROR_CASES
 from anhyst_rigs.study.tracking.bodies import StageLaw
 from anhyst_rigs.study.tracking.compiled import compiled_rig
-from anhyst_rigs.study.tracking.excitation import design
-from anhyst_rigs.study.tracking.learner import FORGET_S, WORK, Learner, fit
+from anhyst_rigs.study.tracking.estimator import (
+    FORGETTING_TIME_S,
+    TRAINING_SCANS,
+    ParameterEstimator,
+    calibrate_from_motions,
+)
+from anhyst_rigs.study.tracking.excitation import select_legs
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.simulate import find_gains
 from tracking import RIG
@@ -57,7 +62,7 @@ class World:
         """Return the law of a method, which keeps what it was compiled to in this process."""
         key = bench.iron, bench.method, *self.changes
         if key not in _laws:
-            _laws[key] = StageLaw(changed(bench.rig, self.changes), bench.magnet, bench.method)
+            _laws[key] = StageLaw(change_rig(bench.rig, self.changes), bench.magnet, bench.method)
         return _laws[key]
 
     def fly(
@@ -67,11 +72,11 @@ class World:
         rig = setup.rig
         ticks = rig.settings.timing.delay_ticks + self.late_ticks
         if self.late_ticks:
-            rig = changed(rig, {"timing.delay_ticks": ticks})
+            rig = change_rig(rig, {"timing.delay_ticks": ticks})
         plant = replace(
             setup,
             rig=compiled_rig(rig) if self.compiled else rig,
-            law="f32" if self.compiled else "f64",
+            number_format="f32" if self.compiled else "f64",
             drift=replace(drift, mass=self.payload, cable=self.cable),
         )
         early = replace(gains, jerk=gains.jerk - self.late_ticks * rig.dt)
@@ -120,9 +125,12 @@ def bench_of(given: tuple[str, BodyRig, IdentifiedMagnet, MethodName]) -> Bench:
     own = StageSetup(rig, law.compensator(0.0))
     gains, taught = find_gains(own, training(rig)), training(rig)
     if iron == MOVE:
-        (taught,) = design(Learner(law), own).values()
+        (taught,) = select_legs(ParameterEstimator(law), own).values()
     run = track(own, taught, gains, 100)
-    calibrated = find_gains(law.stage(fit(law, [law.motion(run.columns)])), training(rig))
+    calibrated = find_gains(
+        law.corrected_stage(calibrate_from_motions(law, [law.make_motion(run.columns)])),
+        training(rig),
+    )
     return Bench(iron, rig, magnet, method, gains, calibrated, taught)
 
 
@@ -142,17 +150,19 @@ class Trial:
         The stage learns from every motion; what it is corrected by follows at a bounded rate.
         """
         bench, drift = self.bench, drawn(self.plant)
-        learner = Learner(WORLDS[""].law(bench), FORGET_S)
+        learner = ParameterEstimator(WORLDS[""].law(bench), FORGETTING_TIME_S)
         scan, gains = bench.rig.settings.scan, bench.calibrated_gains
-        for number in range(WORK):
-            learner.work(drift, training(bench.rig), gains, 1000 * (self.plant + 1) + number + 1)
-        motion = motion_of(scan, scan.test_m_per_s2)
+        for number in range(TRAINING_SCANS):
+            learner.run_and_update(
+                drift, training(bench.rig), gains, 1000 * (self.plant + 1) + number + 1
+            )
+        motion = scan_motion(scan, scan.test_m_per_s2)
         runs = [
-            learner.work(drift, motion, gains, 1000 * (self.plant + 1) + 100 + number)
+            learner.run_and_update(drift, motion, gains, 1000 * (self.plant + 1) + 100 + number)
             for number in range(1 + REPEATED)
         ]
         figures = [measure(run, motion, scan.slit_s) for run in (runs[0], runs[-1])]
-        return figures, learner.found
+        return figures, learner.calibration
 
     def run(self) -> tuple[list[Measures], CalibratedMethod]:
         """Calibrate one plant."""
@@ -161,34 +171,34 @@ class Trial:
     def calibrated(self) -> tuple[list[Measures], CalibratedMethod]:
         """Return the figures before, and after each number of scans, and what was found last."""
         bench, noise = self.bench, 1000 * (self.plant + 1)
-        drift = drawn(self.plant).alone(ERRORS[self.errors])
+        drift = drawn(self.plant).select(ERROR_CASES[self.errors])
         world = WORLDS[self.world]
         law, gains = world.law(bench), bench.gains
         rig = law.rig
         setup = StageSetup(rig, law.compensator(0.0))
 
         def judged() -> Measures:
-            motion = motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
+            motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
             run = world.fly(setup, drift, motion, gains, noise)
             return measure(run, motion, rig.settings.scan.slit_s)
 
-        figures, learner = [judged()], Learner(law)
+        figures, learner = [judged()], ParameterEstimator(law)
         for scan in range(1, max(self.scans) + 1):
             run = world.fly(setup, drift, bench.taught, gains, noise + scan)
-            learner.learn(law.motion(run.columns))
-            setup = law.stage(learner.found)
-            gains = bench.calibrated_gains if learner.found.taken else bench.gains
+            learner.update(law.make_motion(run.columns))
+            setup = law.corrected_stage(learner.calibration)
+            gains = bench.calibrated_gains if learner.calibration.is_applied else bench.gains
             if scan in self.scans:
                 figures.append(judged())
-        return figures, learner.found
+        return figures, learner.calibration
 
 
 def training(rig: BodyRig) -> SetPoint:
     """Return the set-point that is calibrated on."""
-    return motion_of(rig.settings.scan, rig.settings.scan.train_m_per_s2)
+    return scan_motion(rig.settings.scan, rig.settings.scan.train_m_per_s2)
 
 
 @cache
 def drawn(plant: int) -> Drift:
     """Return one of the plants."""
-    return draw_drift(read_stage(RIG).settings, np.random.default_rng([SEED, plant]))
+    return sample_drift(read_stage(RIG).settings, np.random.default_rng([SEED, plant]))

@@ -23,12 +23,12 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig, read_bearing, step_ends
-from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.parts.iron import CellSteel
-from anhyst_rigs.rig.plant import STOP_RESONANCE, current_gains, make_plant
-from anhyst_rigs.study.bearing.ready import make_ready
+from anhyst_rigs.rig.plant import STOP_RESONANCE_HZ, current_controller_gains, make_plant
+from anhyst_rigs.study.bearing.inputs import check_inputs
 from baseline_bearing import ByNumba, ByScipy, Control, LevitationRun, Method, Plant
 from rows import ROOT, Row
 
@@ -85,7 +85,7 @@ def example() -> Case:
     """Read the example and identify its magnet."""
     rig = read_bearing(FOLDER / "rig.toml")
     controller = read_controller(FOLDER / "controller.toml")
-    return Case(rig, controller, make_ready(rig, controller).knowledge())
+    return Case(rig, controller, check_inputs(rig, controller).identify_magnet())
 
 
 def plant_of(rig: BodyRig) -> Plant:
@@ -93,8 +93,8 @@ def plant_of(rig: BodyRig) -> Plant:
     magnet, mechanics = rig.settings.magnet, rig.settings.body
     poles = magnet.poles
     steel, sensor = rig.settings.steel, rig.settings.gap_sensor
-    gain, reset = current_gains(rig)
-    stop = 2.0 * math.pi * STOP_RESONANCE
+    gain, reset = current_controller_gains(rig)
+    stop = 2.0 * math.pi * STOP_RESONANCE_HZ
     assert isinstance(steel, CellSteel)
     return Plant(
         thresholds=steel.thresholds,
@@ -121,7 +121,7 @@ def plant_of(rig: BodyRig) -> Plant:
         load_corner=2.0 * math.pi * rig.settings.load.bandwidth_Hz,
         sensor_corner=2.0 * math.pi * sensor.bandwidth_Hz,
         sensor_low=sensor.low_m,
-        sensor_step=sensor.step,
+        sensor_step=sensor.resolution,
         tick=rig.dt,
     )
 
@@ -243,12 +243,12 @@ class Own:
 
     def __init__(self, rig: BodyRig, substeps: int) -> None:
         fine = {"timing.substeps": substeps, "amplifier.dac_bits": 24, "load.force_N": 0.0}
-        self._rig = changed(rig, fine)
+        self._rig = change_rig(rig, fine)
 
     def start(self, gap: float, current: float, load: float) -> float:
         """Hold position, the load given as weight; return the pull."""
         weight = {"body.gravity_m_per_s2": load / self._rig.settings.body.mass_kg}
-        self._plant = make_plant(changed(self._rig, weight), 0)
+        self._plant = make_plant(change_rig(self._rig, weight), 0)
         self._plant.place([gap], [0.0])
         self._plant.hold(current, 0)
         return self._plant.force

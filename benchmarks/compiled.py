@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from anhyst.compensate.block import DemandLimits, TableSizes
 from anhyst.compensate.builder import build_block
-from anhyst.compensate.circuit import nodes
+from anhyst.compensate.circuit import gap_knots
 from anhyst.compensate.force_controller import FixedTwin
 from anhyst.compensate.plan import CompileRequest, find_limits, find_scales
 from anhyst.compensate.simplified import fit_closed_form
@@ -25,9 +25,16 @@ from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 from anhyst.verification import Verification, verify
 from anhyst.verification.bundle import read_bundle
-from anhyst.verification.compare import Workshop
-from anhyst.verification.protocol import COMPENSATOR, ON_GRID, START, VECTORS, WINDOW, Request
-from anhyst.verification.targets import cortex_m
+from anhyst.verification.compare import BuildFolder
+from anhyst.verification.protocol import (
+    COMPENSATOR_RECORD,
+    ON_GRID,
+    START,
+    VECTORS,
+    WINDOW_RECORDS,
+    Request,
+)
+from anhyst.verification.targets import offer_cortex_m
 from rows import ROOT, Row, Stopwatch
 
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
@@ -133,9 +140,9 @@ def _controlled(folder: Path, kind: str) -> Row:
     demand = 0.35 + 0.25 * np.sin(2.0 * np.pi * 100.0 * ticks / RATE) + noise[0]
     demand *= np.minimum(ticks / 480.0, 1.0)
     gap = 0.4 + 0.3 * np.sin(2.0 * np.pi * 37.0 * ticks / RATE) + noise[1]
-    codes = np.zeros((ticks.size, len(COMPENSATOR.places)), dtype="<u4")
+    codes = np.zeros((ticks.size, len(COMPENSATOR_RECORD.input_positions)), dtype="<u4")
     codes[:, 0], codes[:, 1] = np.round(2**15 * demand), np.round(2**15 * gap)
-    codes[:, COMPENSATOR.inputs.index("how")] = ON_GRID
+    codes[:, COMPENSATOR_RECORD.inputs.index("how")] = ON_GRID
     most, total = ported_costs(folder, codes)
     texts = [f"{p} {m:.0f} (mean {t:.0f})" for p, m, t in zip(PARTS, most, total, strict=True)]
     reach = CONTROLLED_REACH[kind]
@@ -153,26 +160,31 @@ PARTS = ("solve", "commit, rounded", "tick, rounded")
 
 def ported_costs(folder: Path, codes: NDArray[np.uint32]) -> tuple[FloatArray, FloatArray]:
     """Return the most and the mean of `PARTS` on a Cortex-M4 with the port header, instructions."""
-    places = [COMPENSATOR.sections.index(part) for part in PARTS]
+    places = [COMPENSATOR_RECORD.sections.index(part) for part in PARTS]
     most, total = np.zeros(3), np.zeros(3)
     with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as scratch:
-        workshop = Workshop.set_up(read_bundle(folder), Path(scratch))
+        workshop = BuildFolder.create(read_bundle(folder), Path(scratch))
         ported = next(
             one
-            for one in (order() for order in cortex_m("cortex-m4", workshop).orders)
+            for one in (order() for order in offer_cortex_m("cortex-m4", workshop).builds)
             if one.name == "port header"
         )
         requests = [Request(START, seed=1)]
-        for first in range(0, len(codes), WINDOW):
-            rows = codes[first : first + WINDOW]
-            vectors = Request(VECTORS, steps=len(rows), rows=rows, places=COMPENSATOR.places)
+        for first in range(0, len(codes), WINDOW_RECORDS):
+            rows = codes[first : first + WINDOW_RECORDS]
+            vectors = Request(
+                VECTORS,
+                steps=len(rows),
+                rows=rows,
+                input_positions=COMPENSATOR_RECORD.input_positions,
+            )
             requests.append(vectors)
         replies = ported.program.run(requests)
-    clock = replies[-1].sections[0].least
+    clock = replies[-1].sections[0].minimum
     sections = replies[-1].sections
     for i, (part, place) in enumerate(zip(PARTS, places, strict=True)):
-        own = clock * COMPENSATOR.calls.get(part, 1)
-        most[i] = sections[place].most - own
+        own = clock * COMPENSATOR_RECORD.clock_calls.get(part, 1)
+        most[i] = sections[place].maximum - own
         total[i] = sections[place].total / sections[place].count - own
     return most, total
 
@@ -221,20 +233,22 @@ def closed_form_against_euler(model: Model, path: Path, folder: Path) -> list[Ro
     limits = find_limits(model)
     scales = find_scales(model, limits)
     sizes = TableSizes()
-    law = fit_closed_form(model, limits, nodes(model, scales, sizes), sizes)
+    law = fit_closed_form(model, limits, gap_knots(model, scales, sizes), sizes)
     fine = replace(sizes, octaves=14, octave_segments=5)
-    exact = FixedTwin(build_block(model, "simplified", scales, limits, fine, law=law))
+    exact = FixedTwin(build_block(model, "simplified", scales, limits, fine, closed_form=law))
     reported = []
     for name, demand in _demands(scales, limits).items():
         wanted = exact.run(demand, scales.gap_high)
         off = []
         for kind in ("simplified", "euler"):
-            current = FixedTwin(build_block(model, kind, scales, limits, sizes, law=law)).run(
-                demand, scales.gap_high
-            )
+            current = FixedTwin(
+                build_block(model, kind, scales, limits, sizes, closed_form=law)
+            ).run(demand, scales.gap_high)
             apart = np.abs(current - wanted)[RAMP:]
             off.append(100.0 * float(apart.max()) / limits.current[1])
-            exact = FixedTwin(build_block(model, "simplified", scales, limits, fine, law=law))
+            exact = FixedTwin(
+                build_block(model, "simplified", scales, limits, fine, closed_form=law)
+            )
         reported.append(f"{name}: {off[0]:.3f} against {off[1]:.3f} %")
     counts = []
     for kind in ("simplified", "euler"):

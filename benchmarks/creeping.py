@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.support.errors import CreepWarning
-from anhyst.support.jobs import all_of
+from anhyst.support.errors import ReturnPointMemoryWarning
+from anhyst.support.jobs import map_ordered
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.loop import track
-from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.rig.stage.setpoint import scan_motion
 from anhyst_rigs.study.tracking.measures import measure
 from anhyst_rigs.study.tracking.simulate import find_gains
 from rows import Row
@@ -81,8 +81,8 @@ def drawn(family: str, number: int) -> dict[str, Any]:
 def average(rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> float:
     """Return the moving average that a method leaves, nm; infinite where the loop is lost."""
     setup, scan = make_stage(rig, magnet, method), rig.settings.scan
-    gains = find_gains(setup, motion_of(scan, scan.train_m_per_s2))
-    motion = motion_of(scan, scan.test_m_per_s2)
+    gains = find_gains(setup, scan_motion(scan, scan.train_m_per_s2))
+    motion = scan_motion(scan, scan.test_m_per_s2)
     return 1e9 * measure(track(setup, motion, gains, 1), motion, scan.slit_s).average_m
 
 
@@ -92,8 +92,8 @@ def judged(iron: tuple[str, int]) -> tuple[str, bool, float, float, float]:
     loops = measure_loops(rig)
     cells = identify_magnet(loops, rig.settings.loops)
     with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always", CreepWarning)
-        taken = identify_stage(rig, loops)
+        warnings.simplefilter("always", ReturnPointMemoryWarning)
+        taken = identify_stage_magnet(rig, loops)
     curve, plain = (average(rig, cells, name) for name in ("single-valued", "full"))
     own = plain if taken.model.law == cells.model.law else average(rig, taken, "full")
     return taken.model.law, bool(said), curve, plain, own
@@ -104,7 +104,7 @@ def rows() -> list[Row]:
     irons = [(family, one) for family, count in COUNTS.items() for one in range(count)]
     found = []
     for (family, number), (law, said, curve, plain, own) in zip(
-        irons, all_of(judged, irons), strict=True
+        irons, map_ordered(judged, irons), strict=True
     ):
         text = f"{law}{', warned' * said}; curve {curve:.3g}, cells {plain:.3g}, taken {own:.3g} nm"
         helped = own <= min(curve, plain) if math.isfinite(own) else None

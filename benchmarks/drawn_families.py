@@ -74,7 +74,7 @@ def _cells(rng: np.random.Generator) -> tuple[Steel, Numbers]:
         [first.weights[:1], (1.0 - further) * first.weights[1:], further * other.weights[1:]]
     )
     order = np.argsort(both)
-    return Steel(first.numbers(), both[order], weights[order]), curve | one
+    return Steel(first.plant_parameters(), both[order], weights[order]), curve | one
 
 
 def _preisach(rng: np.random.Generator) -> tuple[Steel, Numbers]:
@@ -101,12 +101,12 @@ def _preisach(rng: np.random.Generator) -> tuple[Steel, Numbers]:
         tried = steel.model_copy(update={"feedback_A_per_m_T": middle})
         low, high = (middle, high) if _bears(tried) else (low, middle)
     steel = steel.model_copy(update={"feedback_A_per_m_T": one["feedback"] * low})
-    return steel.plant(), one | {"knee_sharp": steel.knee, "saturation_sharp": relays}
+    return steel.make_steel(), one | {"knee_sharp": steel.knee, "saturation_sharp": relays}
 
 
 def _bears(steel: PreisachSteel | DuhemSteel) -> bool:
     try:
-        steel.plant()
+        steel.make_steel()
     except InputError:
         return False
     return True
@@ -124,7 +124,7 @@ def _duhem(rng: np.random.Generator) -> tuple[Steel, Numbers]:
             **_keys(curve),
         )
         if _bears(steel):
-            return steel.plant(), curve | one
+            return steel.make_steel(), curve | one
 
 
 _PLANT = {"cells": _cells, "preisach": _preisach, "duhem": _duhem}

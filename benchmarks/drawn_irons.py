@@ -18,7 +18,7 @@ from anhyst._core import Coil, Magnet, Piece, Steel
 from anhyst._core import langevin as langevin_curve
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
-from anhyst_rigs.rig.parts.magnet import Poles, circuit_numbers
+from anhyst_rigs.rig.parts.magnet import Poles, circuit_parameters
 
 FINE = 1500
 """Steps over the whole range of the excitation, of irons that are integrated."""
@@ -82,7 +82,7 @@ class PlantIron:
         if core.ring:
             density = Piece(self.steel).run(poles.turns * current / poles.iron_length)[:, 1]
             return Answer(poles.turns * poles.area * density, poles.area * density)
-        numbers = circuit_numbers(poles, 0.0, float(gap[0]))
+        numbers = circuit_parameters(poles, 0.0, float(gap[0]))
         linkage = np.ascontiguousarray(Coil(Magnet(numbers, self.steel)).run(current, gap)[:, 1])
         beside = 1.0 / (1.0 + poles.leakage * core.gaps(gap))
         return Answer(linkage, linkage / poles.turns * beside)

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anhyst._core import Coil
-from anhyst.compensate import holding
-from anhyst.compensate.force_controller import twin_of
+from anhyst.compensate import output_drift
+from anhyst.compensate.force_controller import make_twin
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
@@ -24,12 +24,17 @@ from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import TrajectoryCase
-from anhyst_rigs.rig.drift import changed, with_iron
+from anhyst_rigs.rig.drift import change_iron, change_rig
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.study.bearing import experiments
 from anhyst_rigs.study.bearing.responses import StepCell, compare_steps, default_seeds
-from anhyst_rigs.study.benefit import BASELINES, STANDSTILLS, Benefit, benefit
+from anhyst_rigs.study.benefit import (
+    BASELINES,
+    OVERSHOOT_FLOOR_FACTOR,
+    Benefit,
+    map_bearing_benefit,
+)
 from bearing import HEIGHTS, quiet, read
 from rows import Row, Stopwatch
 from virtual import irons
@@ -88,13 +93,13 @@ class Tried:
 def rigs() -> dict[str, BodyRig]:
     """Return the bearing with every iron; the first has its own."""
     rig, _ = read()
-    others = {name: changed(rig, {"iron": table}) for name, table in irons().items()}
+    others = {name: change_rig(rig, {"iron": table}) for name, table in irons().items()}
     return {BUNDLED: rig, **others}
 
 
 def with_first(rig: BodyRig, loops: Loops) -> Loops:
     """Return loops with a record more at every gap, which begins demagnetised."""
-    fresh = measure_loops(changed(rig, {"measurement.conditioning_cycles": 0}))
+    fresh = measure_loops(change_rig(rig, {"measurement.conditioning_cycles": 0}))
     record = rig.settings.measurement.records[0].name
     more = [replace(loop, label=f"{loop.label}-first") for loop in fresh.loops]
     return loops.with_loops([*loops.loops, *(one for one in more if record in one.label)])
@@ -123,7 +128,7 @@ def _by_paper(rig: BodyRig, controller: ControllerFile, loops: Loops) -> Bearing
 
 def _unpinned(rig: BodyRig, controller: ControllerFile) -> BearingSetup:
     """Fit the best single-valued curve to hardly any hysteresis: what the loop itself overshoots."""
-    soft = with_iron(rig, None, NARROW)
+    soft = change_iron(rig, None, NARROW)
     knowledge = identify_magnet(measure_loops(soft), IdentifyTable(law=PAPER))
     return make_setup(soft, controller.settings, knowledge, "single-valued", "fixed")
 
@@ -131,8 +136,8 @@ def _unpinned(rig: BodyRig, controller: ControllerFile) -> BearingSetup:
 def _triangle(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, float]:
     still = quiet(rig)
     quieter = {name: BearingSetup(still, s.compensator, s.controller) for name, s in setups.items()}
-    tried = experiments.of_all(experiments.follow, quieter, default_seeds(rig), SLOW)
-    return {name: one.of("force_error_rms_N").mean for name, one in tried.items()}
+    tried = experiments.run_variants(experiments.run_trajectory, quieter, default_seeds(rig), SLOW)
+    return {name: one.interval("force_error_rms_N").mean for name, one in tried.items()}
 
 
 def _steps(rig: BodyRig, setups: Mapping[MethodName, BearingSetup]) -> dict[str, list[StepCell]]:
@@ -152,18 +157,18 @@ def held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]
     plan = make_plan(knowledge.model, CompileRequest("full", "q31", RATE), 0)
     scales = plan.block.scales
     low, span = scales.gap_low, scales.gap_high - scales.gap_low
-    reach = plan.builder.reach
+    reach = plan.builder.output_range
     top = float(reach.demand(np.ones(2), np.array([low, low + span])).min())
     ticks = round(SECONDS * RATE)
     worst = [0.0, 0.0]
     for level in LEVELS:
         random = np.random.default_rng(5)
         rise = np.concatenate([np.linspace(0.05, 0.95, 2000), np.linspace(0.95, level, 2000)])
-        noisy = level + holding.DEMAND_NOISE * random.standard_normal(ticks)
+        noisy = level + output_drift.DEMAND_NOISE * random.standard_normal(ticks)
         demand = top * np.concatenate([rise, noisy])
         gap = np.full(demand.size, low + 0.5 * span)
-        gap[rise.size :] += holding.GAP_NOISE * span * random.standard_normal(ticks)
-        current = twin_of(plan.block, "q31").run(demand, gap)
+        gap[rise.size :] += output_drift.GAP_NOISE * span * random.standard_normal(ticks)
+        current = make_twin(plan.block, "q31").run(demand, gap)
         forces = (
             Coil(rig.magnet).run(current, gap)[rise.size :, 0],
             plan.model.predict(current, gap, history="demagnetised").output[rise.size :],
@@ -171,7 +176,7 @@ def held_drift(rig: BodyRig, knowledge: IdentifiedMagnet) -> tuple[float, float]
         second = round(RATE)
         for place, force in enumerate(forces):
             drift = abs(float(np.mean(force[-second:]) - np.mean(force[:second])))
-            worst[place] = max(worst[place], 100.0 * drift / plan.largest)
+            worst[place] = max(worst[place], 100.0 * drift / plan.reference_output)
     return worst[0], worst[1]
 
 
@@ -211,13 +216,13 @@ def _worse(one: Tried, variant: str) -> list[float]:
         cells = {name: steps[place] for name, steps in one.steps.items()}
         own = cells[variant]
         held = [cells[name] for name in BASELINES if not cells[name].lost]
-        best = min(held, key=lambda cell: cell.of("overshoot_percent").mean)
+        best = min(held, key=lambda cell: cell.interval("overshoot_percent").mean)
         if own.lost:
             found.append(float("inf"))
             continue
-        still = max(cell.of("standstill_rms_m").mean for cell in (own, best))
-        floor = 100.0 * STANDSTILLS * still / height
-        a, b = (cell.of("overshoot_percent") for cell in (own, best))
+        still = max(cell.interval("standstill_rms_m").mean for cell in (own, best))
+        floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * still / height
+        a, b = (cell.interval("overshoot_percent") for cell in (own, best))
         certain = a.mean - b.mean - float(np.hypot(a.half_width, b.half_width))
         small = max(a.mean, b.mean) < floor
         found.append(0.0 if small else max(certain, 0.0))
@@ -227,13 +232,14 @@ def _worse(one: Tried, variant: str) -> list[float]:
 def _still(one: Tried, variant: str) -> float:
     """Rms of the gap at rest, nm, in the mean over heights."""
     cells = [cell for cell in one.steps[variant] if not cell.lost]
-    return 1e9 * float(np.mean([cell.of("standstill_rms_m").mean for cell in cells]))
+    return 1e9 * float(np.mean([cell.interval("standstill_rms_m").mean for cell in cells]))
 
 
 def _steps_row(one: Tried) -> Row:
     shown = {
         name: "/".join(
-            "lost" if cell.lost else f"{cell.of('overshoot_percent').mean:.2f}" for cell in cells
+            "lost" if cell.lost else f"{cell.interval('overshoot_percent').mean:.2f}"
+            for cell in cells
         )
         for name, cells in one.steps.items()
     }
@@ -298,7 +304,7 @@ def rows() -> list[Row]:
     rig, controller = read()
     tried = [measure(name, one, controller) for name, one in rigs().items()]
     lines = [line(one) for line in (_steps_row, _triangle_row, _drift_row) for one in tried]
-    lines.append(map_row(benefit(rig, controller)))
+    lines.append(map_row(map_bearing_benefit(rig, controller)))
     return [*lines, Row("the same: time", "minutes", str(watch), None, watch.processor)]
 
 

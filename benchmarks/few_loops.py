@@ -25,9 +25,9 @@ import numpy as np
 import drawn
 from anhyst.data import Loop, Loops
 from anhyst.data.verdict import largest_output
-from anhyst.identification import candidates, choice, identify
-from anhyst.identification.bare import model_of
+from anhyst.identification import candidates, identify, model_selection
 from anhyst.identification.candidates import ModelCandidate
+from anhyst.identification.model_building import make_model
 from anhyst.support.errors import InputError, NegativeResult
 from drawn_families import FAMILIES, SETTINGS, draw_iron, from_ranges
 from drawn_irons import answers
@@ -40,10 +40,10 @@ KINDS = ("ring", "one", "one-two", "two", "coarse", "slow")
 of all of it; two cycles of 200 samples a way at two gaps."""
 
 RULES: dict[str, dict[str, Any]] = {
-    "two standard errors": {"_PLAIN": np.inf},
-    "one standard error": {"_PLAIN": np.inf, "_CERTAIN": 1.0},
-    "least left out": {"_PLAIN": np.inf, "_CERTAIN": 0.0},
-    "two, or two thirds of both": {"_PLAIN": candidates._PLAIN},
+    "two standard errors": {"_CLEAR_SQUARE_RATIO": np.inf},
+    "one standard error": {"_CLEAR_SQUARE_RATIO": np.inf, "_CELL_SIGMAS_FOR_BLOCKS": 1.0},
+    "least left out": {"_CLEAR_SQUARE_RATIO": np.inf, "_CELL_SIGMAS_FOR_BLOCKS": 0.0},
+    "two, or two thirds of both": {"_CLEAR_SQUARE_RATIO": candidates._CLEAR_SQUARE_RATIO},
 }
 
 
@@ -57,7 +57,7 @@ class Tried:
 
 
 class _Compared(Exception):  # noqa: N818  # no error: all that is wanted is there
-    def __init__(self, made: choice.Choice) -> None:
+    def __init__(self, made: model_selection.Selection) -> None:
         self.made = made
 
 
@@ -111,14 +111,14 @@ def _without(loop: Loop, place: int) -> Loop:
 
 def measure(loops: Loops, tests: Sequence[drawn.Test]) -> Tried | None:
     """Compare all laws; None where the first leaves only noise."""
-    compare = choice.Choice.compare_cells
+    compare = model_selection.Selection.compare_play_cells
 
-    def stop(made: choice.Choice, base: ModelCandidate) -> None:
+    def stop(made: model_selection.Selection, base: ModelCandidate) -> None:
         compare(made, base)
         raise _Compared(made)
 
     try:
-        with mock.patch.object(choice.Choice, "compare_cells", stop):
+        with mock.patch.object(model_selection.Selection, "compare_play_cells", stop):
             identify(loops)
     except _Compared as end:
         return _judged(end.made, tests)
@@ -127,18 +127,18 @@ def measure(loops: Loops, tests: Sequence[drawn.Test]) -> Tried | None:
     return None
 
 
-def _judged(made: choice.Choice, tests: Sequence[drawn.Test]) -> Tried:
-    missed, all_of_it, loops = {}, made.contest, made.loopset
-    for one in all_of_it.entrants:
-        model = model_of(all_of_it.fits[one].lean, loops)
+def _judged(made: model_selection.Selection, tests: Sequence[drawn.Test]) -> Tried:
+    missed, all_of_it, loops = {}, made.comparison, made.loopset
+    for one in all_of_it.eligible:
+        model = make_model(all_of_it.fits[one].reduced, loops)
         off = [deviation(model, test) for test in tests if test.kind in {"other", "unseen"}]
         missed[one] = float(np.sqrt(np.mean(np.concatenate(off) ** 2))) / largest_output(loops)
     chosen = {}
     for name, settings in RULES.items():
         with mock.patch.multiple(candidates, **settings):
             again = copy(made)
-            again.contest = replace(all_of_it, entrants=list(all_of_it.entrants))
-            chosen[name] = again.accepted()
+            again.comparison = replace(all_of_it, eligible=list(all_of_it.eligible))
+            chosen[name] = again.select()
     return Tried(
         {name: f"{one.title('effective-field')}, {one.gap_map}" for name, one in chosen.items()},
         {name: missed[one] for name, one in chosen.items()},

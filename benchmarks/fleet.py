@@ -20,8 +20,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from anhyst.support.jobs import all_of, workers_of
-from anhyst_rigs.study.benefit import benefit
+from anhyst.support.jobs import map_ordered, use_scheduler
+from anhyst_rigs.study.benefit import map_bearing_benefit
 from anhyst_rigs.study.engine.monte_carlo import monte_carlo
 from anhyst_rigs.study.fleet import fleet
 from anhyst_rigs.study.fleet_magnets import FleetSettings
@@ -79,7 +79,7 @@ def there(workers: int, work: Callable[[], Any], *, together: bool = False) -> S
 
         def once() -> Spent:
             before, watch = made.processor(), Stopwatch()
-            with workers_of(made.address):
+            with use_scheduler(made.address):
                 work()
             after = made.processor()
             return Spent(watch.wall, watch.processor, after[0] - before[0], after[1] - before[1])
@@ -123,7 +123,7 @@ def fleet_rows(found: dict[str, Spent]) -> list[Row]:
 
 def nothing(count: int, *, jobs: int | None = None) -> Callable[[], Any]:
     """Return tasks that do nothing, through the layer that all studies use."""
-    return lambda: all_of(time.sleep, [0.0] * count, jobs=jobs)
+    return lambda: map_ordered(time.sleep, [0.0] * count, jobs=jobs)
 
 
 def empty_tasks() -> tuple[list[Row], Costs]:
@@ -150,7 +150,7 @@ def empty_tasks() -> tuple[list[Row], Costs]:
     threads = LocalCluster(  # type: ignore[no-untyped-call]
         n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
     )
-    with threads, workers_of(threads.scheduler_address):
+    with threads, use_scheduler(threads.scheduler_address):
         spent = best(lambda: here(nothing(TASKS)))
     rows.append(_empty("2 workers as threads beside the scheduler", TASKS, spent))
     worst = Costs(max(one.scheduler for one in costs), max(one.client for one in costs))
@@ -165,7 +165,7 @@ def sharing() -> list[Row]:
     )
     rows = []
     for name, work, inputs in tried:
-        spent = there(8, partial(all_of, work, inputs))
+        spent = there(8, partial(map_ordered, work, inputs))
         rows.append(_empty(f"{name} {len(SHARED) // 1000} kB, 8 workers", SHARING, spent))
     return rows
 
@@ -186,13 +186,13 @@ def _empty(name: str, tasks: int, spent: Spent) -> Row:
 def checked(workers: int) -> list[Row]:
     """Hold the simulation to tasks that sleep: many workers then fit into few cores."""
     rows = []
-    with cluster(workers, together=True) as made, workers_of(made.address):
-        all_of(time.sleep, [0.0] * TASKS)
+    with cluster(workers, together=True) as made, use_scheduler(made.address):
+        map_ordered(time.sleep, [0.0] * TASKS)
         # Scheduler, workers and client share the machine here: one cost for all of them.
         empty = best(lambda: here(nothing(TASKS))).wall / TASKS
         for sleep in SLEEPS_S:
             tasks = max(6 * workers, 200)
-            found = best(lambda: here(lambda: all_of(time.sleep, [sleep] * tasks)), 2).wall  # noqa: B023
+            found = best(lambda: here(lambda: map_ordered(time.sleep, [sleep] * tasks)), 2).wall  # noqa: B023
             told = simulated([sleep] * tasks, workers, Costs(empty, 0.0))
             rows.append(
                 Row(
@@ -216,7 +216,7 @@ def durations(folder: Path, place: Path) -> dict[str, float]:
         for n in (2, 42)
     ]
     one = [
-        here(lambda: benefit(rig, controller, [1.0], part, seeds=2, jobs=1)).processor  # noqa: B023
+        here(lambda: map_bearing_benefit(rig, controller, [1.0], part, seeds=2, jobs=1)).processor  # noqa: B023
         for part in ([0.2], [0.1, 0.2])
     ]
     return {

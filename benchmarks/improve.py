@@ -23,8 +23,8 @@ from anhyst_rigs.rig.bench.protocol import Bench
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.study.bench import prepare_bench
 from anhyst_rigs.study.force_control import build_program
-from anhyst_rigs.study.improve import SAMPLES_HZ, BenchWatch
-from anhyst_rigs.study.prepared import PreparedForce
+from anhyst_rigs.study.improve import MONITOR_RATE_HZ, BenchMonitor
+from anhyst_rigs.study.prepared_benches import PreparedForce
 from rows import ROOT, Row
 
 SOLENOID = ROOT / "examples" / "solenoid"
@@ -51,12 +51,12 @@ def rows() -> list[Row]:
 
 def pinned(prepared: PreparedForce, factor: float) -> PreparedForce:
     """Return the same controller before an iron whose pinning is another."""
-    file = prepared.whole.solenoid_file
+    file = prepared.complete_rig.solenoid_file
     assert file is not None
     scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
     iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
     other = file.model_copy(update={"iron": iron})
-    return replace(prepared, whole=replace(prepared.whole, solenoid_file=other))
+    return replace(prepared, complete_rig=replace(prepared.complete_rig, solenoid_file=other))
 
 
 def improved(unknown: PreparedForce, place: Path) -> list[Row]:
@@ -65,25 +65,25 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
     session = LiveSession(bench, improver=Improver(unknown, bench))
     improver = session.improver
     assert improver is not None
-    before = session.do(lambda: force_error(bench))
+    before = session.run_between_chunks(lambda: force_error(bench))
     session.start()
     took = {}
     for step in ("measure", "identify", "compile", "swap"):
         began = time.monotonic()
         order = {"do": "improve", "step": step}
-        session.do(partial(perform, session, "benchmark", order))
+        session.run_between_chunks(partial(perform, session, "benchmark", order))
         while improver.status()["step"]:
             time.sleep(0.02)
         assert step in improver.results, improver.status()["trouble"]
         took[step] = time.monotonic() - began
-    session.paced.pause()
-    slips = session.paced.pace().slips
-    after = session.do(lambda: force_error(bench))
+    session.pacer.pause()
+    slips = session.pacer.pacing().slip_count
+    after = session.run_between_chunks(lambda: force_error(bench))
     loops = read_loops(improver.folder / "loops.csv")
     model = unknown.identify(loops)
     session.close()
     program = build_program(
-        "full", model, unknown.whole.settings.timing.rate_Hz, "library", place / "off-line"
+        "full", model, unknown.complete_rig.settings.timing.rate_Hz, "library", place / "off-line"
     )
     off_line = replace(unknown, program=program).open()
     reference = force_error(off_line)
@@ -163,15 +163,15 @@ def swung(prepared: PreparedForce, cycles: int) -> FloatArray:
 
 def found(known: PreparedForce) -> Row:
     """Watch a bench whose iron becomes harder at a tick."""
-    rate = known.whole.settings.timing.rate_Hz
+    rate = known.complete_rig.settings.timing.rate_Hz
     begin = round(LEARNT * rate)
     usual, harder = swung(known, LEARNT + 15), swung(pinned(known, 1.2), LEARNT + 15)
-    fine = BenchWatch(known.model, ForceBench.signals, rate)
-    fine.take(usual)
-    watch, ticks = BenchWatch(known.model, ForceBench.signals, rate), 0
-    watch.take(usual[:begin])
+    fine = BenchMonitor(known.model, ForceBench.signals, rate)
+    fine.add_rows(usual)
+    watch, ticks = BenchMonitor(known.model, ForceBench.signals, rate), 0
+    watch.add_rows(usual[:begin])
     for row in np.array_split(harder[begin:], 15 * 20):
-        watch.take(row)
+        watch.add_rows(row)
         ticks += len(row)
         if watch.status()["state"] == "drifted":
             break
@@ -189,23 +189,23 @@ def found(known: PreparedForce) -> Row:
 
 def hour(known: PreparedForce) -> Row:
     """Watch an hour of one settled cycle with the noise of all sensors."""
-    rate = known.whole.settings.timing.rate_Hz
-    every = round(rate / SAMPLES_HZ)
+    rate = known.complete_rig.settings.timing.rate_Hz
+    every = round(rate / MONITOR_RATE_HZ)
     whole = round(rate)
     cycle = swung(known, 6)[-whole::every]
     at = [signal.name for signal in ForceBench.signals].index
     true = [cycle[:, 1 + at(name)] for name in ("current", "gap", "force")]
-    sensors = read_rig(known.rig).instruments([9], every / rate)
+    sensors = read_rig(known.rig).make_sensors([9], every / rate)
     kinds = [sensors[name] for name in ("current", "gap", "force")]
     read = [1 + at(name) for name in ("current_read", "gap_read", "force_read")]
-    watch = BenchWatch(known.model, ForceBench.signals, rate)
+    watch = BenchMonitor(known.model, ForceBench.signals, rate)
     alarm = ""
     for second in range(HOUR):
         table = cycle.copy()
         table[:, 0] = second * whole + every * np.arange(1, len(cycle) + 1)
         for place, sensor, values in zip(read, kinds, true, strict=True):
             table[:, place] = sensor.read(values)
-        watch.take(table)
+        watch.add_rows(table)
         if watch.status()["state"] == "drifted":
             alarm = watch.status()["text"]
             break

@@ -121,8 +121,8 @@ def actuator_of(model: Model, gaps: tuple[float, float], gap: float, current: fl
     sizes = TableSizes(iterations=8, octave_segments=4, curve_segments=8)
     blocks: dict[Kind, Block] = {
         "full": build_block(model, "full", scales, wide, sizes, start),
-        "simplified": build_block(model, "simplified", scales, wide, sizes, start, law=law),
-        "euler": build_block(model, "euler", scales, wide, sizes, start, law=law),
+        "simplified": build_block(model, "simplified", scales, wide, sizes, start, closed_form=law),
+        "euler": build_block(model, "euler", scales, wide, sizes, start, closed_form=law),
     }
     return Actuator(model, gap, current, force, blocks)
 
@@ -207,7 +207,7 @@ def study(
 
     def run(memory: NDArray[np.int32]) -> Array:
         twin = FixedTwin(actuator.blocks[kind])
-        twin.start_from(memory)
+        twin.set_memory(memory)
         for current in before.tolist():
             twin.commit(current, actuator.gap)
         return twin.run(wanted, actuator.gap)

@@ -32,17 +32,17 @@ import numpy as np
 
 from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
-from anhyst.identification.bare import form_of, model_of, valid_range
-from anhyst.identification.cell_kernel import LAW_OF, CellKernel
-from anhyst.identification.default import FoundModel, follow
-from anhyst.identification.fit_records import FitRecords, records_of, rest_of
+from anhyst.identification.cell_kernel import LAW_BY_SHAPE, CellKernel
+from anhyst.identification.default_search import FoundModel, descend_from
+from anhyst.identification.fit_records import FitRecords, make_fit_records, read_rest_offsets
+from anhyst.identification.model_building import make_model, make_response_form, valid_range
 from anhyst.identification.objective import CellResponder
-from anhyst.identification.response import Local, Responder, ResponseForm
+from anhyst.identification.response import ParameterSet, Responder, ResponseForm
 from anhyst.identification.space import CoordinateSpace
-from anhyst.identification.uncertainty import OFFSETS
+from anhyst.identification.uncertainty import OFFSET_NAMES
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
-from anhyst.model.actuator import obstacle
+from anhyst.model.actuator import find_compile_obstacle
 from anhyst.support.atomic import atomic_writer
 from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 from anhyst.support.numeric import FloatArray
@@ -96,8 +96,8 @@ class Target:
     def name(self) -> str:
         """Name it in the file."""
         cells = self.form.cells
-        law = f"{self.form.law}-{cells.populations}" if cells else self.form.law
-        return f"{self.gap_map}/{law}"
+        count = f"-{cells.population_count}" if isinstance(cells, CellKernel) else ""
+        return f"{self.gap_map}/{self.form.law}{count}"
 
 
 def targets(loops: Loops, stage: int) -> Iterator[Target]:
@@ -106,16 +106,16 @@ def targets(loops: Loops, stage: int) -> Iterator[Target]:
     maps = ["none"] if gaps < 2 else ["reluctance", "circuit", "scaling"]
     if gaps == 2:
         maps.remove("circuit")
-    plain = form_of(loops.input, loops.output, DEFAULT_LAW)
+    plain = make_response_form(loops.input, loops.output, DEFAULT_LAW)
     forms = [plain] if stage == 1 else []
     for shape, count in STAGES[stage]:
-        law = LAW_OF[shape]
+        law = LAW_BY_SHAPE[shape]
         if LAWS[law].least_slope or not is_electromagnet(loops):
             forms.append(replace(plain, law=law, cells=CellKernel(shape, count)))
     return (Target(one, form) for form in forms for one in maps)
 
 
-def shape_of(form: ResponseForm, local: Local, records: FitRecords) -> FloatArray | None:
+def shape_of(form: ResponseForm, local: ParameterSet, records: FitRecords) -> FloatArray | None:
     """Return the output for a gain of 1 at a single gap; None where the law has no answer."""
     responder = CellResponder() if form.cells else Responder()
     plain = replace(local, gain=1.0, out_0=0.0)
@@ -134,9 +134,11 @@ class Scan:
         self.weights = np.concatenate(weights)
         self.output = np.concatenate([one.output for one in records.loops])
 
-    def best(self, ways: Sequence[Local], gain: float | None) -> tuple[Local, float] | None:
+    def best(
+        self, ways: Sequence[ParameterSet], gain: float | None
+    ) -> tuple[ParameterSet, float] | None:
         """Return the best of some sets and its cost; with the best gain unless one is given."""
-        found: tuple[Local, float] | None = None
+        found: tuple[ParameterSet, float] | None = None
         for local in ways:
             shape = shape_of(self.form, local, self.records)
             if shape is None:
@@ -153,12 +155,12 @@ def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray
     """Draw a start; None where nothing that was drawn has an answer."""
     form, records = space.form, space.records
     home = records.reference_gap
-    scans = [Scan(form, records.at(gap)) for gap in range(records.gaps)]
+    scans = [Scan(form, records.at_gap(gap)) for gap in range(records.gap_count)]
     for _ in range(_TRIES):
-        law = tuple(_number(one.name, rng) for one in form.kernel.numbers)
+        law = tuple(_number(one.name, rng) for one in form.kernel.fit_parameters)
         low, high = _DRIVEN
         driven = low * (high / low) ** rng.random()
-        size = 1.0 + sum(part for one, part in zip(form.kernel.numbers, law, strict=True)
+        size = 1.0 + sum(part for one, part in zip(form.kernel.fit_parameters, law, strict=True)
                          if one.name.startswith("share"))  # fmt: skip
         begun = scans[home].best(_homes(space, law, driven, size), None)
         if begun is None:
@@ -170,7 +172,7 @@ def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray
                 break
             sets.append(there[0])
         else:
-            return space.pack([form.local([*form.values(one).values()]) for one in sets])
+            return space.pack([form.make_set([*form.named_values(one).values()]) for one in sets])
     return None
 
 
@@ -182,18 +184,20 @@ def _number(name: str, rng: np.random.Generator) -> float:
 
 def _homes(
     space: CoordinateSpace, law: tuple[float, ...], driven: float, size: float
-) -> list[Local]:
+) -> list[ParameterSet]:
     """Return sets of one law with more or less reluctance around it, driven as far as each other."""
     top, reached = space.records.input_span, size * driven / (1.0 + driven)
     omegas = [0.0, *np.geomspace(*_OMEGA, _SCAN)]
-    found = [Local(law, omega, top / (driven + omega * reached), 1.0, 0.0, 0.0, 0.0)
+    found = [ParameterSet(law, omega, top / (driven + omega * reached), 1.0, 0.0, 0.0, 0.0)
              for omega in omegas]  # fmt: skip
     found += [replace(found[0], omega=omega / size) for omega in (-0.3, -0.7)]
     # h follows from scale and gain where field and flux density are measured.
     return [replace(one, h=0.0 if space.form.permeability else space.form.h) for one in found]
 
 
-def _elsewhere(space: CoordinateSpace, known: Local) -> tuple[list[Local], float | None]:
+def _elsewhere(
+    space: CoordinateSpace, known: ParameterSet
+) -> tuple[list[ParameterSet], float | None]:
     """Return what the map lets a set become at another gap, and the gain if it stays."""
     if space.gap_map == "scaling":
         return [replace(known, scale=ratio * known.scale) for ratio in _RATIOS], known.gain
@@ -206,24 +210,24 @@ def _elsewhere(space: CoordinateSpace, known: Local) -> tuple[list[Local], float
 
 def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | None]:
     """Fit a law under a map from random starts, then without offsets; None where nothing answers."""
-    records = records_of(loops, "loops", rest_of(loops))
-    common = OFFSETS if target.gap_map == "circuit" else frozenset()
+    records = make_fit_records(loops, "loops", read_rest_offsets(loops))
+    common = OFFSET_NAMES if target.gap_map == "circuit" else frozenset()
     whole = CoordinateSpace(target.gap_map, records, target.form, common=common)
     coarse, fine = (replace(whole, records=records.thinned(most)) for most in (COARSE, FINE))
     rng = np.random.default_rng([SETTINGS["seed"], number, zlib.crc32(target.name.encode())])
     starts = [random_start(coarse, rng) for _ in range(STARTS)]
-    begun = [follow(coarse, one, 1e-4, _FIRST) for one in starts if one is not None]
+    begun = [descend_from(coarse, one, 1e-4, _FIRST) for one in starts if one is not None]
     if not begun:
         return {target.name: None}
     begun.sort(key=lambda one: one.cost)
-    ranked = [follow(coarse, one.theta, 1e-4, _SHORT) for one in begun[:RANKED]]
+    ranked = [descend_from(coarse, one.theta, 1e-4, _SHORT) for one in begun[:RANKED]]
     ranked.sort(key=lambda one: one.cost)
-    ends = [follow(fine, one.theta, 1e-6, _LONG) for one in ranked[:ENDED]]
+    ends = [descend_from(fine, one.theta, 1e-6, _LONG) for one in ranked[:ENDED]]
     ends.sort(key=lambda one: one.cost)
     near = sum(bool(one.cost <= _NEAR**2 * ends[0].cost) for one in ends)
-    last = [follow(whole, one.theta, 1e-7, _LAST) for one in ends[:FINISHED]]
-    plain, kept = whole.holding(OFFSETS)
-    without = [follow(plain, one.theta[kept], 1e-7, _LAST) for one in last]
+    last = [descend_from(whole, one.theta, 1e-7, _LAST) for one in ends[:FINISHED]]
+    plain, kept = whole.with_fixed(OFFSET_NAMES)
+    without = [descend_from(plain, one.theta[kept], 1e-7, _LAST) for one in last]
     return {
         target.name: best_of(last, loops, near),
         f"{target.name}/no offsets": best_of(without, loops, near),
@@ -235,7 +239,7 @@ def best_of(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None
     found = []
     for one in ends:
         try:
-            rms = 100.0 * loops_rms(model_of(one, loops), loops)
+            rms = 100.0 * loops_rms(make_model(one, loops), loops)
         except (InputError, NegativeResult):
             continue
         found.append((not usable(one, loops), rms, one.theta.size))
@@ -247,8 +251,8 @@ def best_of(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None
 
 def usable(found: FoundModel, loops: Loops) -> bool:
     """Whether identification could choose a fit: it can be compiled, and passes its test."""
-    model = replace(model_of(found, loops), valid=valid_range(loops))
-    if is_electromagnet(loops) and obstacle(model) is not None:
+    model = replace(make_model(found, loops), valid=valid_range(loops))
+    if is_electromagnet(loops) and find_compile_obstacle(model) is not None:
         return False
     return model.acceptance().passed is not False
 

@@ -17,9 +17,9 @@ from types import ModuleType
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.data.clean import thin
+from anhyst.data.clean import thin_loops
 from anhyst.data.reading import read_loops
-from anhyst.data.verdict import single_valued
+from anhyst.data.verdict import single_valued_residuals
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
@@ -75,7 +75,7 @@ def _largest(truth: Loops) -> float:
 def _unseen_row(name: str, models: dict[str, Model], truth: Loops) -> Row:
     largest = _largest(truth)
     missed = {law: Missed.of(_at_unseen(model, truth), largest) for law, model in models.items()}
-    plain = Missed.of([off for _, off in single_valued(truth)], largest)
+    plain = Missed.of([off for _, off in single_valued_residuals(truth)], largest)
     ours = missed[CHOSEN]
     return Row(
         f"{name}, unseen gaps: mean error",
@@ -203,7 +203,7 @@ def materials(folder: Path) -> list[Row]:
 
 
 def _gadolinium(folder: Path) -> Row:
-    loops = thin(read_loops(sorted(folder.glob("gd_*.csv")), file_name="gd_T{T_C}C"), 300)
+    loops = thin_loops(read_loops(sorted(folder.glob("gd_*.csv")), file_name="gd_T{T_C}C"), 300)
     missed = {}
     for law in (PAPER, CHOSEN):
         off = []

@@ -21,20 +21,20 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import map_ordered
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import rms
 from anhyst_rigs import Calibration, calibrate
-from anhyst_rigs.rig.bearing.loop import BearingSetup, fit_magnets, make_setup
-from anhyst_rigs.rig.bearing.scenario import parts_of_run
-from anhyst_rigs.rig.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_plant
-from anhyst_rigs.rig.fitting import calibrated, identify_magnet
+from anhyst_rigs.rig.bearing.loop import BearingSetup, fit_bearing_compensators, make_setup
+from anhyst_rigs.rig.bearing.scenario import plan_recorded_run
+from anhyst_rigs.rig.drift import NO_DRIFT, Drift, change_rig, drifted_plant, sample_plant
+from anhyst_rigs.rig.fitting import calibrate_magnet, identify_magnet
 from anhyst_rigs.rig.loop import SimulatedLoop
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.study.bearing.experiments import following
-from anhyst_rigs.study.bearing.ready import Ready, make_ready, read_files
+from anhyst_rigs.study.bearing.experiments import plan_trajectory
+from anhyst_rigs.study.bearing.inputs import BearingInputs, check_inputs, read_files
 from anhyst_rigs.study.plants import run_bearing
 from rows import ROOT, Row
 from tracking import IRONS
@@ -53,12 +53,12 @@ Figures = tuple[float, float]
 
 def judged(setup: BearingSetup, drift: Drift) -> Figures:
     """Judge one controller on one plant, the mean of the noises."""
-    scenario, begin = following(setup, setup.rig.settings.trajectories[0])
+    scenario, begin = plan_trajectory(setup, setup.rig.settings.trajectories[0])
     found = []
     for noise in NOISES:
         steps = run_bearing({setup.method: setup}, setup.method, drift, noise)
         plant = drifted_plant(setup.rig, drift, noise)
-        run = SimulatedLoop(setup, plant=plant).run(scenario).part(begin, scenario.ticks)
+        run = SimulatedLoop(setup, plant=plant).run(scenario).slice_ticks(begin, scenario.ticks)
         found.append((steps["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))
     overshoot, force = np.mean(found, axis=0).tolist()
     return overshoot, force
@@ -67,14 +67,16 @@ def judged(setup: BearingSetup, drift: Drift) -> Figures:
 def recorded(setup: BearingSetup, drift: Drift) -> Recording:
     """Lift a plant off and step it up and down."""
     return SimulatedLoop(setup, plant=drifted_plant(setup.rig, drift, 0)).run(
-        parts_of_run(setup.rig, setup.controller)[0]
+        plan_recorded_run(setup.rig, setup.controller)[0]
     )
 
 
-def tried(ready: Ready, what: tuple[MethodName, Drift]) -> tuple[Calibration, Figures, Figures]:
+def tried(
+    ready: BearingInputs, what: tuple[MethodName, Drift]
+) -> tuple[Calibration, Figures, Figures]:
     """Return what was learnt of a plant, and how it does before and after."""
     method, drift = what
-    known, table = ready.knowledge(), ready.controller.settings
+    known, table = ready.identify_magnet(), ready.controller.settings
     before = make_setup(ready.rig, table, known, method, "fixed")
     with tempfile.TemporaryDirectory() as folder:
         found = calibrate(
@@ -86,18 +88,20 @@ def tried(ready: Ready, what: tuple[MethodName, Drift]) -> tuple[Calibration, Fi
             controller=ready.controller,
         )
         own, after = ready.rig, before
-        if found.learnt:
-            own = changed(own, {"control.calibration": "calibration.toml"})
+        if found.has_estimates:
+            own = change_rig(own, {"control.calibration": "calibration.toml"})
             own = replace(own, path=Path(folder) / "rig.toml")
             after = make_setup(own, table, known, method, "fixed")
     return found, judged(before, drift), judged(after, drift)
 
 
-def told(ready: Ready, before: BearingSetup) -> BearingSetup:
+def told(ready: BearingInputs, before: BearingSetup) -> BearingSetup:
     """Return the controller that is told by how much the plant of the table has drifted."""
-    known = calibrated(ready.knowledge(), zero=TABLE.gap_offset, wider=TABLE.pinning)
+    known = calibrate_magnet(
+        ready.identify_magnet(), gap_zero=TABLE.gap_offset, width_change=TABLE.pinning
+    )
     table = ready.controller.settings
-    (fitted,) = fit_magnets(ready.rig, table, [known], before.method, "fixed")
+    (fitted,) = fit_bearing_compensators(ready.rig, table, [known], before.method, "fixed")
     return replace(before, compensator=fitted)
 
 
@@ -115,7 +119,7 @@ def of_table(
     return Row(
         f"bearing, pinning +20 %, gap zero +10 um: {method.name}",
         f"<= {REACH:g} of the calibrated",
-        f"{said}; {method.judgement}; {numbers}",
+        f"{said}; {method.summary}; {numbers}",
         all(now <= REACH * own for now, own in zip(after, nominal, strict=True)),
     )
 
@@ -131,11 +135,11 @@ def of_drawn(method: MethodName, nominal: Figures, forces: Sequence[tuple[float,
     )
 
 
-def of_iron(ready: Ready, name: str, drift: Drift) -> Row:
+def of_iron(ready: BearingInputs, name: str, drift: Drift) -> Row:
     """Return the line of another iron, of which loops were measured and a model identified."""
     schema: TypeAdapter[NamedIron] = TypeAdapter(IronEntry)
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
-    rig = changed(ready.rig, {"iron": schema.validate_python({"name": "own", **families[name]})})
+    rig = change_rig(ready.rig, {"iron": schema.validate_python({"name": "own", **families[name]})})
     known = identify_magnet(measure_loops(rig))
     other = replace(ready, rig=rig, loops=known.loops, model=known.model)
     found, before, after = tried(other, ("full", drift))
@@ -144,40 +148,44 @@ def of_iron(ready: Ready, name: str, drift: Drift) -> Row:
         f"bearing of {name}, {'drifted so' if drift == TABLE else 'as it should be'}: full, force "
         "error",
         "",
-        f"{before[1]:.3g} -> {after[1]:.3g} N; {method.judgement}",
+        f"{before[1]:.3g} -> {after[1]:.3g} N; {method.summary}",
         None,
     )
 
 
-def of_method(ready: Ready, method: MethodName) -> Row:
+def of_method(ready: BearingInputs, method: MethodName) -> Row:
     """Return the line of one method and the plant of the table."""
-    setup = make_setup(ready.rig, ready.controller.settings, ready.knowledge(), method, "fixed")
+    setup = make_setup(
+        ready.rig, ready.controller.settings, ready.identify_magnet(), method, "fixed"
+    )
     found, before, after = tried(ready, (method, TABLE))
     nominal, best = judged(setup, NO_DRIFT), judged(told(ready, setup), TABLE)
     return of_table(found, nominal, before, after, best)
 
 
-def made_ready() -> Ready:
+def made_ready() -> BearingInputs:
     """Return the example with a gap zero that is less sure than its file says."""
     rig, controller = read_files(RIG, None)
-    ready = make_ready(changed(rig, UNSURE), controller)
-    return replace(ready, model=ready.knowledge().model)
+    ready = check_inputs(change_rig(rig, UNSURE), controller)
+    return replace(ready, model=ready.identify_magnet().model)
 
 
 def asked() -> list[Row]:
     """Calibrate every method on the plant of the table."""
-    return all_of(partial(of_method, made_ready()), METHODS)
+    return map_ordered(partial(of_method, made_ready()), METHODS)
 
 
 def rows() -> list[Row]:
     """Calibrate every method on the plant of the table and on drawn ones, and on other irons."""
     ready = made_ready()
-    drawn = [draw_plant(ready.rig.settings, SEED, number)[0] for number in range(PLANTS)]
+    drawn = [sample_plant(ready.rig.settings, SEED, number)[0] for number in range(PLANTS)]
     every = [(method, drift) for method in METHODS for drift in drawn]
-    outcomes = dict(zip(every, all_of(partial(tried, ready), every), strict=True))
+    outcomes = dict(zip(every, map_ordered(partial(tried, ready), every), strict=True))
     lines = []
-    for method, line in zip(METHODS, all_of(partial(of_method, ready), METHODS), strict=True):
-        setup = make_setup(ready.rig, ready.controller.settings, ready.knowledge(), method, "fixed")
+    for method, line in zip(METHODS, map_ordered(partial(of_method, ready), METHODS), strict=True):
+        setup = make_setup(
+            ready.rig, ready.controller.settings, ready.identify_magnet(), method, "fixed"
+        )
         both = [outcomes[method, drift][1:] for drift in drawn]
         forces = [(before[1], after[1]) for before, after in both]
         lines += [line, of_drawn(method, judged(setup, NO_DRIFT), forces)]

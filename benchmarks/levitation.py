@@ -22,24 +22,24 @@ def rows() -> list[Row]:
             found = run_board(RIG, Path(place) / "run.json", QEMU)
         except InputError as error:
             return [Row("firmware of the bearing in QEMU", "", str(error), None)]
-    fallen = [one for one in found.endings if not one.levitates and one.rest_speed > SOFT]
+    fallen = [one for one in found.outcomes if not one.is_levitating and one.rest_speed > SOFT]
     fastest = 1e3 * max(one.rest_speed for one in fallen)
-    landed = [one for one in found.endings if not one.levitates and one.rest_speed <= SOFT]
+    landed = [one for one in found.outcomes if not one.is_levitating and one.rest_speed <= SOFT]
     return [
         Row(
             "firmware of the bearing in QEMU against the simulation, lift-off to landing",
             "no tick differs",
-            f"{found.differ} of {len(found.recorded)} differ, landing at "
+            f"{found.differing_ticks} of {len(found.recorded)} differ, landing at "
             f"{1e3 * found.landing_speed:.1f} mm/s",
-            found.differ == 0 and found.landed,
+            found.differing_ticks == 0 and found.has_landed,
             watch.processor,
         ),
         Row(
             "everything that goes wrong in the air",
             "noticed, and nothing pulled into the magnet",
-            f"{len(landed)} of {len(found.endings)} landed at most at "
+            f"{len(landed)} of {len(found.outcomes)} landed at most at "
             f"{1e3 * max(one.rest_speed for one in landed):.1f} mm/s, {len(fallen)} let go, at "
             f"most {fastest:.0f} mm/s",
-            all(one.as_expected and one.magnet_speed == 0.0 for one in found.endings),
+            all(one.is_as_expected and one.magnet_speed == 0.0 for one in found.outcomes),
         ),
     ]

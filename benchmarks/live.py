@@ -18,8 +18,8 @@ from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder, land_time
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.pace import PacedBench, Pacing
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
+from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 from anhyst_rigs.study.bearing.on_board import build_firmware
-from anhyst_rigs.study.bearing.ready import make_ready, read_files
 from rows import ROOT, Row, Stopwatch
 
 RIG = ROOT / "examples" / "bearing" / "rig.toml"
@@ -32,10 +32,10 @@ LATE_S = 0.02
 def rows() -> list[Row]:
     """Build the firmware of the bundled bearing, and run it on the bench."""
     rig, controller = read_files(RIG, None)
-    ready = make_ready(rig, controller)
+    ready = check_inputs(rig, controller)
     with tempfile.TemporaryDirectory() as place:
         setup, firmware = build_firmware(
-            ready.rig, controller, ready.knowledge(), "library", Path(place)
+            ready.rig, controller, ready.identify_magnet(), "library", Path(place)
         )
         with one_core():
             alone = unpaced("one core", setup, firmware)
@@ -93,9 +93,9 @@ def paced(setup: BearingSetup, firmware: Path) -> Row:
     bench = BearingBench(setup, firmware)
     lift(bench)
     first = bench.tick + 1
-    pacer = PacedBench(bench, paused=True)
-    recorder, numbers = pacer.subscribe("recorder", complete=True), []
-    pacer.subscribe("viewer", most=3)
+    pacer = PacedBench(bench, is_paused=True)
+    recorder, numbers = pacer.subscribe("recorder", is_complete=True), []
+    pacer.subscribe("viewer", max_chunks=3)
 
     def record() -> None:
         while (chunk := recorder.get()) is not None:
@@ -108,20 +108,20 @@ def paced(setup: BearingSetup, firmware: Path) -> Row:
     seen: list[Pacing] = []
     while time.monotonic() < began + PACED_S:
         time.sleep(0.5)
-        seen.append(pacer.pace())
+        seen.append(pacer.pacing())
     took, done = time.monotonic() - began, seen[-1].tick - tick
     pacer.close()
     thread.join()
     bench.close()
     row = np.concatenate(numbers)
     whole = bool((row == np.arange(first, first + row.size)).all())
-    worst = max(one.late_most for one in seen)
+    worst = max(one.max_lateness for one in seen)
     factor = done / bench.rate / took
     return Row(
         f"the same by the clock for {PACED_S:g} s, recorded",
         f"1 times the clock, no chunk later than {1e3 * LATE_S:g} ms, no tick lost",
-        f"{factor:.3f} times, late by {1e3 * float(np.mean([one.late for one in seen])):.1f} ms in "
-        f"the mean and {1e3 * worst:.1f} ms at most, {seen[-1].slips} times given up, "
+        f"{factor:.3f} times, late by {1e3 * float(np.mean([one.mean_lateness for one in seen])):.1f} ms in "
+        f"the mean and {1e3 * worst:.1f} ms at most, {seen[-1].slip_count} times given up, "
         f"{'none' if whole else 'some'} lost",
         whole and worst <= LATE_S and factor >= 0.99,
     )
@@ -130,7 +130,7 @@ def paced(setup: BearingSetup, firmware: Path) -> Row:
 def million(setup: BearingSetup, firmware: Path) -> Row:
     """Run many ticks on the bench, and the same in the simulated loop."""
     script = ScenarioBuilder(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
-    landing = script.count(land_time(setup.rig, setup.controller))
+    landing = script.tick_count(land_time(setup.rig, setup.controller))
     while script.ticks < TICKS - landing:
         for gap, load in ((0.41e-3, 130.0), (0.49e-3, 165.0), (0.45e-3, 150.0)):
             script.set_load(load).step(gap, 0.1)

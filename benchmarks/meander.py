@@ -15,20 +15,20 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import NO_DRIFT, drifted_plant
 from anhyst_rigs.rig.loop import ClosedLoop, Scenario
-from anhyst_rigs.rig.plant import current_loops
+from anhyst_rigs.rig.plant import current_controllers
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
-from anhyst_rigs.rig.stage.geometry import mass_matrix, weight
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
+from anhyst_rigs.rig.stage.geometry import mass_matrix, weight_wrench
 from anhyst_rigs.rig.stage.loop import StageSetup
-from anhyst_rigs.rig.stage.recording import of_axes
-from anhyst_rigs.rig.stage.setpoint import STRAY_LATE, SetPoint, instants, strayed
+from anhyst_rigs.rig.stage.recording import axis_columns
+from anhyst_rigs.rig.stage.setpoint import STRAY_DELAY_S, SetPoint, frame_stray_from, tick_times
 from planar import RIG
 from rows import Row
 
 FIELDS = 50
 LONG, PITCH = 0.2, 0.004
 """Of a field along x, with half a turnaround at each end, and from one to the next along y, m."""
-ASIDE = SetPoint((10.0, 10.0), 0.12, 0.0, 7.5e-3, 2e-3, rests=True)
+ASIDE = SetPoint((10.0, 10.0), 0.12, 0.0, 7.5e-3, 2e-3, has_final_rest=True)
 """Acceleration, m/s2, and speed, m/s, of a step aside."""
 METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux", "fused")
 PIECE = 20_000
@@ -53,13 +53,13 @@ class Path:
 
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return places and accelerations at some times."""
-        along, moved = self.along, float(ASIDE.at(np.array([ASIDE.duration]))[0][0])
+        along, moved = self.along, float(ASIDE.derivatives_at(np.array([ASIDE.duration]))[0][0])
         aside = replace(ASIDE, cruise=(PITCH - moved) / ASIDE.speed)
         lasts = aside.duration - 2.0 * aside.cruise  # without the cruises around it
-        x, y = along.at(time)[:2], [np.zeros_like(time), np.zeros_like(time)]
+        x, y = along.derivatives_at(time)[:2], [np.zeros_like(time), np.zeros_like(time)]
         for begin, length, _ in along.pulses[1:]:
             since = begin + 0.5 * (length - lasts) - aside.cruise
-            place, acceleration, _, _ = aside.at(time - since)
+            place, acceleration, _, _ = aside.derivatives_at(time - since)
             y = [y[0] + place, y[1] + acceleration]
         return np.column_stack([x[0], y[0]]), np.column_stack([x[1], y[1]])
 
@@ -76,24 +76,24 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
     """Return the errors of all coordinates, a row a tick, and all flags."""
     rig, file, path = setup.rig, setup.rig.settings, Path(setup.rig)
     free, n = file.body.free, round(path.along.duration / rig.dt)
-    time, ahead = instants(rig, n + 1), (file.timing.delay_ticks + 0.5) * rig.dt
+    time, ahead = tick_times(rig, n + 1), (file.timing.delay_ticks + 0.5) * rig.dt
     places, wide = path.at(time)[0], np.zeros((n + 1, len(free)))
     wide[:, :2] = places
     fed = np.zeros((n, len(free)))
     fed[:, :2] = path.at(time[:n] + ahead)[1]
-    wrench = fed @ mass_matrix(file).T - weight(file)
-    late = path.along.at(time - STRAY_LATE)[1] / max(file.scan.test_m_per_s2)
+    wrench = fed @ mass_matrix(file).T - weight_wrench(file)
+    late = path.along.derivatives_at(time - STRAY_DELAY_S)[1] / max(file.scan.test_m_per_s2)
     frame = wide.copy()
-    frame[:, 0] += strayed(rig, late, time)
-    frame[:, 1] += strayed(rig, 0.0, time)
+    frame[:, 0] += frame_stray_from(rig, late, time)
+    frame[:, 1] += frame_stray_from(rig, 0.0, time)
     bearing = drifted_plant(rig, NO_DRIFT, 1)
-    loop = ClosedLoop(bearing, setup.make_controller(), current_loops(rig))
+    loop = ClosedLoop(bearing, setup.make_controller(), current_controllers(rig))
     off, flags = np.zeros((n, len(free))), 0
     for begin in range(0, n, PIECE):
         end = min(begin + PIECE, n)
         part = Scenario(wide[begin:end], feed=wrench[begin:end], frame=frame[begin : end + 1])
         run = loop.run(part)
-        poses = np.column_stack([run[name] for name in of_axes("pose", free)])
+        poses = np.column_stack([run[name] for name in axis_columns("pose", free)])
         off[begin:end] = wide[begin:end] - poses - frame[begin:end]
         flags |= int(np.bitwise_or.reduce(run["flags"].astype(int)))
     return off, flags
@@ -102,7 +102,7 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
 def rows() -> list[Row]:
     """Return a line a method."""
     rig = read_stage(RIG)
-    magnet, found = identify_stage(rig), []
+    magnet, found = identify_stage_magnet(rig), []
     for method in METHODS:
         off, flags = errors(make_stage(rig, magnet, method))
         ticks = round(rig.settings.scan.slit_s / rig.dt)

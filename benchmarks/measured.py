@@ -14,12 +14,12 @@ import numpy as np
 
 import baseline_scipy_de as baseline
 from anhyst.data import Loop, Loops
-from anhyst.data.clean import thin
+from anhyst.data.clean import thin_loops
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.identification.bare import form_of
-from anhyst.identification.default import search_one_gap
-from anhyst.identification.fit_records import records_of
+from anhyst.identification.default_search import search_one_gap
+from anhyst.identification.fit_records import make_fit_records
+from anhyst.identification.model_building import make_response_form
 from anhyst.identification.objective import Objective
 from anhyst.support.numeric import FloatArray
 from rows import Row
@@ -49,20 +49,20 @@ class _Clock:
         return deviation, gradient, matrix
 
 
-_normal = Objective.normal
+_normal = Objective.normal_equations
 
 
 def ferrite(folder: Path) -> list[Row]:
     """Four nested loops of a MnZn ferrite, one parameter set, against differential evolution."""
     loops = read_loops(folder / baseline.FILE, history="settled")
-    records = records_of(loops, "points")
-    form = form_of(loops.input, loops.output, "effective-field")
+    records = make_fit_records(loops, "points")
+    form = make_response_form(loops.input, loops.output, "effective-field")
     samples = sum(loop.n for loop in loops.loops)
     spent, to_same, sums = [], [], []
     for seed in range(SEEDS):
         clock = _Clock()
         # A plain function, so that the patched method still gets its objective first.
-        with patch.object(Objective, "normal", lambda *call, c=clock: c.watch(*call)):
+        with patch.object(Objective, "normal_equations", lambda *call, c=clock: c.watch(*call)):
             found = search_one_gap(form, records, seed, frozenset({"in_0", "out_0"}))
         spent.append(time.process_time() - clock.began)
         to_same.append(clock.reached)
@@ -143,7 +143,7 @@ def gadolinium(folder: Path) -> list[Row]:
         ours = _rmse(here, found.fitted)
         worse += ours > published[value]
         parts.append(f"{value:+.0f} C {1e3 * ours:.1f} ({1e3 * published[value]:.1f})")
-    schedule = identify(thin(loops, 300), law=LAW, gap_map="free").model
+    schedule = identify(thin_loops(loops, 300), law=LAW, gap_map="free").model
     assert schedule.fit is not None
     left_out = schedule.fit.left_out["free"]
     return [

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.compensate.methods import make_compensator
-from anhyst.compensate.sources import Operating, Sources
-from anhyst.compilation.play import Answer, CycleErrors, cycle_errors, worst
+from anhyst.compensate.sources import OperatingRange, Sources
+from anhyst.compilation.play import CycleErrors, ForceModel, max_magnitude, measure_cycle_errors
 from anhyst.data import Loops
 from anhyst.data.reading import read_loops
 from anhyst.support.kinds import MethodName
@@ -37,7 +37,7 @@ def _foreign(magnet: ForeignMagnet, current: FloatArray, gap: float) -> FloatArr
     return magnet.force(driven, gap) + sensors.force_offset
 
 
-def magnets() -> Iterator[tuple[str, Loops, Answer]]:
+def magnets() -> Iterator[tuple[str, Loops, ForceModel]]:
     """Return name, loops as read and true answer of each magnet."""
     rig = read_bearing(BEARING / "rig.toml")
 
@@ -51,7 +51,7 @@ def magnets() -> Iterator[tuple[str, Loops, Answer]]:
             yield name, loops, partial(_foreign, magnet)
 
 
-def measure(loops: Loops, answer: Answer) -> tuple[float, dict[str, CycleErrors]]:
+def measure(loops: Loops, answer: ForceModel) -> tuple[float, dict[str, CycleErrors]]:
     """Return the largest demand, and by method what is left at three gaps."""
     gaps = [gap for gap in loops.by_schedule() if gap is not None]
     ends = min(gaps), max(gaps)
@@ -60,14 +60,14 @@ def measure(loops: Loops, answer: Answer) -> tuple[float, dict[str, CycleErrors]
     places = np.linspace(*ends, 5)[1:-1].tolist()
     reach = {gap: REACHED * float(answer(drive, gap)[-1]) for gap in places}
     largest = max(reach.values())
-    where = Operating(places[1], 0.5 * largest, 20_000.0, ends, largest, top)
+    where = OperatingRange(places[1], 0.5 * largest, 20_000.0, ends, largest, top)
     sources = Sources(where, loops, identify_magnet(loops).model)
     found: dict[str, CycleErrors] = {}
     for method in METHODS:
         made = make_compensator(method, sources, "fixed")
         for gap in places:
-            errors = cycle_errors(made.fresh(), answer, gap, reach[gap])
-            found[method] = found[method].joined(errors) if method in found else errors
+            errors = measure_cycle_errors(made.reset_copy(), answer, gap, reach[gap])
+            found[method] = found[method].join(errors) if method in found else errors
     return largest, found
 
 
@@ -78,7 +78,9 @@ def main() -> None:
     for name, loops, answer in magnets():
         largest, found = measure(loops, answer)
         for method, errors in found.items():
-            values = [of(part) for part in (errors.major, errors.small) for of in (rms, worst)]
+            values = [
+                of(part) for part in (errors.major, errors.small) for of in (rms, max_magnitude)
+            ]
             shown = " | ".join(f"{100.0 * value / largest:.2f}" for value in values)
             print(f"| {name}, {largest:.0f} N | `{method}` | {shown} |", flush=True)
 

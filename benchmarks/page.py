@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING
 from anhyst.support.states import Command
 from anhyst_rigs.dashboard.recording import start_recording
 from anhyst_rigs.dashboard.session import LiveSession
-from anhyst_rigs.dashboard.verb import listen_on, make_server, settle
-from anhyst_rigs.rig.bench.pace import going_first
+from anhyst_rigs.dashboard.verb import listen_on, make_server, reduce_latency
+from anhyst_rigs.rig.bench.pace import raised_priority
 from anhyst_rigs.study.bench import open_bench
 from rows import ROOT, Row
 
@@ -105,11 +105,11 @@ def served(place: Path) -> Iterator[tuple[LiveSession, Page]]:
     server = make_server(session, "bearing", ("127.0.0.1", port))
 
     def run() -> None:
-        with going_first():
+        with raised_priority():
             server.run(sockets=[taken])
 
     thread = threading.Thread(target=run, name="server")
-    settle()
+    reduce_latency()
     session.start()
     thread.start()
     names = json.dumps([signal.name for signal in bench.signals[:SIGNALS]])
@@ -124,8 +124,8 @@ def served(place: Path) -> Iterator[tuple[LiveSession, Page]]:
             # Playwright's own way of waiting is forbidden by the page's policy.
             while not page.evaluate("window.anhyst !== undefined && anhyst.store.count > 0"):
                 time.sleep(0.05)
-            session.do(lambda: session.bench.command(Command.DEMAGNETISED))
-            session.do(lambda: session.bench.command(Command.LIFT))
+            session.run_between_chunks(lambda: session.bench.command(Command.DEMAGNETISED))
+            session.run_between_chunks(lambda: session.bench.command(Command.LIFT))
             time.sleep(2.0)
             yield session, page
             chromium.close()
@@ -182,20 +182,20 @@ def delay(page: Page) -> Row:
 def soak(session: LiveSession, seconds: float, beside: str) -> Row:
     """Levitate for long, recorded."""
     began, first = time.monotonic(), session.bench.tick
-    slips, worst = session.paced.pace().slips, 0.0
+    slips, worst = session.pacer.pacing().slip_count, 0.0
     sizes = []
     while (passed := time.monotonic() - began) < seconds:
         time.sleep(0.5)
-        worst = max(worst, session.paced.pace().late_most)
+        worst = max(worst, session.pacer.pacing().max_lateness)
         if passed > 0.1 * seconds:  # buffers are full by then
             sizes.append(resident())
-    pace = session.paced.pace()
+    pace = session.pacer.pacing()
     factor = (pace.tick - first) / session.bench.rate / (time.monotonic() - began)
     grown = statistics.median(sizes[-10:]) / statistics.median(sizes[:10]) - 1.0
     return Row(
         f"levitates for {seconds:g} s, recorded, {beside}",
         f"1 times the clock, no chunk later than {1e3 * LATE_S:g} ms; memory flat within 5 %",
-        f"{factor:.4f} times, late by {1e3 * worst:.1f} ms at most, {pace.slips - slips} times "
+        f"{factor:.4f} times, late by {1e3 * worst:.1f} ms at most, {pace.slip_count - slips} times "
         f"given up; memory {100 * grown:+.1f} % of {sizes[0]:.0f} MB",
         factor >= 0.999 and worst <= LATE_S and abs(grown) <= 0.05,
     )

@@ -13,18 +13,23 @@ from functools import partial
 
 import numpy as np
 
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import map_ordered
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import LossCase
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, track
-from anhyst_rigs.rig.stage.setpoint import motion_of
-from anhyst_rigs.study.tracking.measures import Losses, cross_talk, measure
-from anhyst_rigs.study.tracking.simulate import COMPARED, TrackingStudy, explore_stage, find_gains
+from anhyst_rigs.rig.stage.setpoint import scan_motion
+from anhyst_rigs.study.tracking.measures import LossFlights, cross_talk, measure
+from anhyst_rigs.study.tracking.simulate import (
+    COMPARED_METHODS,
+    TrackingStudy,
+    explore_stage,
+    find_gains,
+)
 from rows import ROOT, Row
 from tests.study.test_losses import laid
 from tracking import with_iron
@@ -50,7 +55,7 @@ def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
     """Return the lines of one iron."""
     found = []
     for what, name, factor, unit, reach in MEASURES:
-        means = {variant: one.of(name).mean for variant, one in study.tried.items()}
+        means = {variant: one.interval(name).mean for variant, one in study.variants.items()}
         share = means["full"] / means["single-valued"]
         each = ", ".join(f"{variant} {factor * mean:.3g}" for variant, mean in means.items())
         aim = "stated" if reach is None else f"<= {reach:g} of single-valued"
@@ -64,8 +69,8 @@ def at_300(
 ) -> tuple[float, float, float]:
     """Return moving average and peak along x, m, and the largest ry, rad: means over the seeds."""
     setup, scan = make_stage(rig, magnet, method), rig.settings.scan
-    gains = find_gains(setup, motion_of(scan, scan.train_m_per_s2))
-    motion, found = motion_of(scan, scan.test_m_per_s2), []
+    gains = find_gains(setup, scan_motion(scan, scan.train_m_per_s2))
+    motion, found = scan_motion(scan, scan.test_m_per_s2), []
     for seed in range(1, rig.settings.noise_seeds + 1):
         run = track(setup, motion, gains, seed)
         own = measure(run, motion, scan.slit_s)
@@ -76,7 +81,13 @@ def at_300(
 
 def fast_row(iron: str, rig: BodyRig, magnet: IdentifiedMagnet) -> Row:
     """Return the line of one iron at the high crossover."""
-    found = dict(zip(COMPARED, all_of(partial(at_300, rig, magnet), COMPARED), strict=True))
+    found = dict(
+        zip(
+            COMPARED_METHODS,
+            map_ordered(partial(at_300, rig, magnet), COMPARED_METHODS),
+            strict=True,
+        )
+    )
     text = "; ".join(
         f"{name} {1e9 * average:.3g} nm, peak {1e9 * peak:.3g} nm, ry {1e9 * turned:.3g} nrad"
         for name, (average, peak, turned) in found.items()
@@ -93,9 +104,9 @@ def lost_rows() -> list[Row]:
             if name == "8" and peaks[0] > 10.0:
                 continue  # what its two magnets along x cannot follow
             case = LossCase(kind="loss", circuit="open")
-            each = Losses(laid(name, peaks), Feedforward(), case).all()
+            each = LossFlights(laid(name, peaks), Feedforward(), case).run_all()
             held = sum(one.outcome in ("flies on", "brakes") for one in each)
-            text = "; ".join(" ".join(one.cells()) for one in each)
+            text = "; ".join(" ".join(one.table_cells()) for one in each)
             what = f"planar, {name} magnets, {peaks[0]:g} m/s2: losses survived"
             found.append(Row(what, f"{movable}", f"{held}; {text}", held == movable))
     return found
@@ -112,9 +123,9 @@ def head_rows() -> list[Row]:
             heads=["missing", "frozen", "jumps"],
             lift=True,
         )
-        each = Losses(laid("10", (22.0, 10.0, 18.0), heads), Feedforward(), case).all()[1:]
+        each = LossFlights(laid("10", (22.0, 10.0, 18.0), heads), Feedforward(), case).run_all()[1:]
         landed = sum(one.outcome == "lands" for one in each)
-        text = "; ".join(" ".join(one.cells()) for one in each)
+        text = "; ".join(" ".join(one.table_cells()) for one in each)
         most = sum(one.spare for one in each[:-1])
         row = Row(f"planar, {heads} heads: landed", f"{most}", f"{landed}; {text}", landed == most)
         found.append(row)
@@ -127,7 +138,7 @@ def rows() -> list[Row]:
     found = []
     for name in NAMES:
         rig = with_iron(read_stage(RIG), families[name])
-        magnet = identify_stage(rig, measure_loops(rig))
+        magnet = identify_stage_magnet(rig, measure_loops(rig))
         found += of_iron(name, explore_stage(rig, magnet))
         fast = with_iron(read_stage(RIG), families[name], FAST_HZ)
         found.append(fast_row(name, fast, magnet))

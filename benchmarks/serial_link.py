@@ -19,7 +19,7 @@ from anhyst.support.states import Command, State
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.firmware import build
 from anhyst_rigs.link.frames import DemandRequest, StatusAnswer
-from anhyst_rigs.link.virtual_boards import Reading, Running, run_host, run_qemu
+from anhyst_rigs.link.virtual_boards import Reading, RunningFirmware, run_host, run_qemu
 from anhyst_rigs.link.wire import encode
 from rows import ROOT, Row
 from tests.link.sizes import read_sizes
@@ -102,7 +102,7 @@ def _process(compiled: Path, folder: Path) -> Row:
     )
 
 
-def _stream(board: Running, count: int) -> tuple[float, int]:
+def _stream(board: RunningFirmware, count: int) -> tuple[float, int]:
     """Send demands while the plant goes on; return the seconds and how many were lost."""
     with ControllerLink(board.url, timeout=2.0) as controller:
         board.bus.step(40)

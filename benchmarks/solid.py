@@ -14,23 +14,23 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.compensate.force_controller import Io, twin_of
+from anhyst.compensate.force_controller import Io, make_twin
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.data import Loop
-from anhyst.data.speeds import speeds_of
+from anhyst.data.speeds import group_by_speed
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.loop import make_setup
-from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.fitting import identify_magnet
 from anhyst_rigs.rig.magnet_table import SolidTable
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.rig.stage.loop import track
-from anhyst_rigs.rig.stage.setpoint import motion_of
-from anhyst_rigs.study.bearing.ready import read_files
+from anhyst_rigs.rig.stage.setpoint import scan_motion
+from anhyst_rigs.study.bearing.inputs import read_files
 from anhyst_rigs.study.bearing.responses import StepCell, compare_steps
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.simulate import find_gains
@@ -74,7 +74,7 @@ def judge(number: int) -> Judged:
     """Identify a magnet and run both models over what was not fitted."""
     magnet = solid_magnet(number)
     loops = magnet.measured()
-    speeds = speeds_of(loops)
+    speeds = group_by_speed(loops)
     assert speeds is not None
     began = time.process_time()
     model = identify(loops).model
@@ -111,10 +111,10 @@ def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: Io = "f32") -> 
     place = np.arange(CYCLES * ticks) / ticks
     part = BAND[0] + (BAND[1] - BAND[0]) * (1.0 - np.abs(2.0 * (place % 1.0) - 1.0))
     demand = reached * part * np.minimum(2.0 * place, 1.0)
-    current = twin_of(plan.block, io).run(demand, np.full(demand.size, gap))
+    current = make_twin(plan.block, io).run(demand, np.full(demand.size, gap))
     force = magnet.run(current, np.full(demand.size, gap), np.arange(demand.size) / TICKS)
     off = np.abs(force - demand)[-ticks:]
-    return 100.0 * float(off.max()) / plan.largest
+    return 100.0 * float(off.max()) / plan.reference_output
 
 
 def _missed(model: Model, loop: Loop, largest: float) -> tuple[float, float]:
@@ -129,7 +129,7 @@ def on_stage(iron: str) -> dict[MethodName, Measures]:
     rig = read_stage(RIG)
     if iron != "cells":
         rig = with_iron(rig, tomllib.loads(IRONS.read_text(encoding="utf-8"))[iron])
-    rig = changed(
+    rig = change_rig(
         rig,
         {
             "magnet.solid": STAGE_SOLID,
@@ -140,7 +140,7 @@ def on_stage(iron: str) -> dict[MethodName, Measures]:
     )
     magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
     scan, found = rig.settings.scan, {}
-    train, test = (motion_of(scan, one) for one in (scan.train_m_per_s2, scan.test_m_per_s2))
+    train, test = (scan_motion(scan, one) for one in (scan.train_m_per_s2, scan.test_m_per_s2))
     for name in STAGE:
         setup = make_stage(rig, magnet, name)
         found[name] = measure(track(setup, test, find_gains(setup, train), 1), test, scan.slit_s)
@@ -174,7 +174,7 @@ def stage_rows() -> list[Row]:
 def on_bearing(depth: float, path: float) -> dict[MethodName, StepCell]:
     """Let the example's bearing step with solid iron, its controller in fixed point and untouched."""
     rig, controller = read_files(ROOT / "examples" / "bearing" / "rig.toml", None)
-    rig = changed(
+    rig = change_rig(
         rig,
         {
             "magnet.solid": SolidTable(depth_m=depth, conductivity_S_per_m=2e6, path_m=path),
@@ -185,7 +185,7 @@ def on_bearing(depth: float, path: float) -> dict[MethodName, StepCell]:
     magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
     setups = [make_setup(rig, controller.settings, magnet, name, "fixed") for name in STAGE]
     cells = compare_steps(
-        setups, [rig.settings.gap_m], [BEARING_STEP], [rig.load], BEARING_SEEDS, jobs=1
+        setups, [rig.settings.gap_m], [BEARING_STEP], [rig.static_load], BEARING_SEEDS, jobs=1
     )
     return dict(zip(STAGE, cells, strict=True))
 
@@ -195,10 +195,10 @@ def bearing_rows() -> list[Row]:
     rows = []
     for depth, path in BEARING_SOLID:
         found = on_bearing(depth, path)
-        force = {name: cell.of("force_error_rms_N").mean for name, cell in found.items()}
+        force = {name: cell.interval("force_error_rms_N").mean for name, cell in found.items()}
         told = "; ".join(
-            f"{name} {force[name]:.3g} N, {cell.of('overshoot_percent').mean:.2g} %, "
-            f"{1e9 * cell.of('standstill_rms_m').mean:.3g} nm"
+            f"{name} {force[name]:.3g} N, {cell.interval('overshoot_percent').mean:.2g} %, "
+            f"{1e9 * cell.interval('standstill_rms_m').mean:.3g} nm"
             for name, cell in found.items()
         )
         rows.append(
@@ -293,7 +293,7 @@ def _draw_layers(axes: object, model: Model, loop: Loop, gap: float) -> None:
     fields = []
     for amperes in drive:
         stepper.commit(float(amperes), gap, step)
-        memories = stepper.state.reshape(model.layers.memories, -1)
+        memories = stepper.state.reshape(model.layers.state_copies, -1)
         fields.append(memories[:-1, 0])
     clock = 1e3 * step * np.arange(loop.n)
     for layer, field in enumerate(np.array(fields)[-loop.n :].T):

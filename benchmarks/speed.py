@@ -22,8 +22,8 @@ from anhyst._core import (
     demagnetised,
     langevin,
 )
-from anhyst.laws.cells import Population, populations
-from anhyst.laws.play_cells import iron_of
+from anhyst.laws.cells import Population, discretise_populations
+from anhyst.laws.play_cells import make_iron
 from anhyst.support.numeric import FloatArray
 from rows import Row
 
@@ -73,7 +73,7 @@ def cells() -> list[Row]:
     """One step of play cells over whole records, to and fro, beside that of Jiles-Atherton."""
     n = 200_000
     pinned = [Population(3e5, 40.0, 20.0, 1.5), Population(1e5, 120.0, 80.0, 2.0)]
-    iron = iron_of(populations((3e4, 50.0), pinned), 0.0)
+    iron = make_iron(discretise_populations((3e4, 50.0), pinned), 0.0)
     other = Iron(4.3e5, 30.0, 25.0, 0.1, 0.0)
     drive, zero = 1500.0 * _drive(n), np.zeros(n)
     rho = np.full(n, 0.01)

@@ -15,14 +15,14 @@ from pydantic import TypeAdapter
 
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.loop import track
-from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.rig.stage.setpoint import scan_motion
 from anhyst_rigs.study.tracking.simulate import TrackingStudy, explore_stage
 from rows import ROOT, Row
 
@@ -40,12 +40,12 @@ def with_iron(rig: BodyRig, iron: dict[str, object], crossover: float = 130.0) -
     """Return the stage with other iron and crossover."""
     schema: TypeAdapter[NamedIron] = TypeAdapter(IronEntry)
     table = schema.validate_python({"name": "own", **iron})
-    return changed(rig, {"iron": table, "control.crossover_Hz": crossover})
+    return change_rig(rig, {"iron": table, "control.crossover_Hz": crossover})
 
 
 def without_noise(rig: BodyRig) -> BodyRig:
     """Return the stage whose position and gap are read without noise, so that no current ripples."""
-    return changed(rig, {"position_sensor.noise_m": 0.0, "gap_sensor.noise_m": 0.0})
+    return change_rig(rig, {"position_sensor.noise_m": 0.0, "gap_sensor.noise_m": 0.0})
 
 
 def irons(rig: BodyRig) -> Iterator[tuple[str, dict[str, object]]]:
@@ -62,14 +62,14 @@ def said(study: TrackingStudy, name: str, factor: float) -> str:
     """Return a measure of all variants with its interval."""
     parts = []
     for variant in VARIANTS:
-        one = study.tried[variant].of(name)
+        one = study.variants[variant].interval(name)
         parts.append(f"{variant} {factor * one.mean:.3g} ± {factor * one.half_width:.2g}")
     return ", ".join(parts)
 
 
 def ratio(study: TrackingStudy, name: str, baseline: MethodName = "single-valued") -> float:
     """Return a mean measure of the compensator over that of a baseline."""
-    return study.tried["full"].of(name).mean / study.tried[baseline].of(name).mean
+    return study.variants["full"].interval(name).mean / study.variants[baseline].interval(name).mean
 
 
 def of_iron(title: str, study: TrackingStudy) -> list[Row]:
@@ -86,7 +86,7 @@ def of_iron(title: str, study: TrackingStudy) -> list[Row]:
             f"tracking, {title}: {what}", f"<= {reach:g} of single-valued", text, share <= reach
         )
         found.append(row)
-    own, play = (study.tried[name].of("peak_m") for name in ("full", "play"))
+    own, play = (study.variants[name].interval("peak_m") for name in ("full", "play"))
     found.append(
         Row(
             f"the same against the map with one play, peak ({title})",
@@ -111,7 +111,7 @@ def fast(title: str, study: TrackingStudy) -> Row:
 
 def learning(study: TrackingStudy) -> list[Row]:
     """Return the lines of learning control."""
-    own, plain = (study.tried[name].trials_m for name in ("full", "single-valued"))
+    own, plain = (study.variants[name].learning_peaks_m for name in ("full", "single-valued"))
     return [
         Row(
             "learning control on full, eight trials: peak",
@@ -131,11 +131,11 @@ def learning(study: TrackingStudy) -> list[Row]:
 def formats(rig: BodyRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> list[Row]:
     """Return what fixed point and the sub-steps of the plant change, with the same noise."""
     table = rig.settings.scan
-    motion = motion_of(table, table.test_m_per_s2)
-    gains = study.tried["full"].gains
+    motion = scan_motion(table, table.test_m_per_s2)
+    gains = study.variants["full"].gains
 
     def error(format_: str, substeps: int) -> np.ndarray:
-        other = changed(rig, {"timing.substeps": substeps, "control.format": format_})
+        other = change_rig(rig, {"timing.substeps": substeps, "control.format": format_})
         return track(make_stage(other, magnet, "full"), motion, gains, 1)["error_m"]
 
     own = rig.settings.timing.substeps
@@ -164,7 +164,7 @@ def rows() -> list[Row]:
     found: list[Row] = []
     for number, (title, iron) in enumerate(irons(rig)):
         slow = with_iron(rig, iron)
-        magnet = identify_stage(slow, measure_loops(slow))
+        magnet = identify_stage_magnet(slow, measure_loops(slow))
         study = explore_stage(slow, magnet)
         found += of_iron(title, study)
         if title == CREEPS:

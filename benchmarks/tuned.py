@@ -12,7 +12,7 @@ from pathlib import Path
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.study.engine.monte_carlo import monte_carlo
 from anhyst_rigs.study.plants import bearing_plants
-from anhyst_rigs.study.tuning.aims import Aims, Figures
+from anhyst_rigs.study.tuning.aims import Aims, BearingFigures
 from anhyst_rigs.study.tuning.bearing import BearingLoop, default_conditions
 from anhyst_rigs.study.tuning.search import GainSearch
 from bearing import IRONS, Iron, make_iron, read
@@ -31,11 +31,11 @@ COMPARED: tuple[MethodName, ...] = (
 )
 
 
-def tune(iron: Iron, variant: MethodName) -> Figures:
+def tune(iron: Iron, variant: MethodName) -> BearingFigures:
     """Tune one variant over 3 gaps, 4 heights and 2 loads."""
     loop = BearingLoop(iron.setups[variant], default_conditions(iron.rig))
     found = GainSearch(loop, AIMS).run().figures
-    assert isinstance(found, Figures)
+    assert isinstance(found, BearingFigures)
     return found
 
 
@@ -56,7 +56,7 @@ def rows() -> list[Row]:
                 "overshoot <= 2 % at every height, settling <= 6 ms, peak sensitivity <= 3",
                 f"{reached.overshoot_percent:.2f} %, {1e3 * reached.settling_time_s:.2f} ms, "
                 f"{reached.peak_sensitivity:.2f}; worst of 3 gaps, 2 loads, 4 heights",
-                not AIMS.misses(reached) and reached.settling_time_s <= SETTLING_S,
+                not AIMS.missed_by(reached) and reached.settling_time_s <= SETTLING_S,
             )
         )
     found.append(Row("tuning one variant", "<= 60 s wall", took, longest <= 60.0, seconds))
@@ -87,7 +87,7 @@ def main() -> None:
         for variant in COMPARED:
             watch = Stopwatch()
             reached = tune(iron, variant)
-            met = "missed" if AIMS.misses(reached) else "met"
+            met = "missed" if AIMS.missed_by(reached) else "met"
             print(
                 f"| {iron.title} | `{variant}` | {reached.overshoot_percent:.2f} % | "
                 f"{1e3 * reached.settling_time_s:.2f} ms | {reached.peak_sensitivity:.2f} | "

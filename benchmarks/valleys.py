@@ -19,13 +19,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from anhyst.data.reading import read_loops
-from anhyst.identification.bare import form_of
-from anhyst.identification.cell_kernel import LAW_OF, CellKernel
-from anhyst.identification.default import descend, follow
-from anhyst.identification.fit_records import records_of, rest_of
+from anhyst.identification.cell_kernel import LAW_BY_SHAPE, CellKernel
+from anhyst.identification.default_search import descend, descend_from
+from anhyst.identification.fit_records import make_fit_records, read_rest_offsets
+from anhyst.identification.model_building import make_response_form
 from anhyst.identification.objective import Objective
-from anhyst.identification.response import Local
-from anhyst.identification.screening import draw_starts, placed, possible
+from anhyst.identification.response import ParameterSet
+from anhyst.identification.screening import has_valid_scales, sample_cell_starts, scale_to_loops
 from anhyst.identification.space import CoordinateSpace
 from anhyst.support.numeric import FloatArray
 from rows import ROOT
@@ -39,32 +39,35 @@ class _Held(Objective):
     def pull_to(self, places: list[int], values: list[float]) -> _Held:
         rows = np.zeros((2, self.space.size))
         rows[[0, 1], places] = 1.0
-        self._pull = np.concatenate([self._pull, rows])
-        self._usual = np.concatenate([self._usual, values])
+        self._prior_rows = np.concatenate([self._prior_rows, rows])
+        self._prior_targets = np.concatenate([self._prior_targets, values])
         return self
 
 
-def _seen(local: Local, span: float) -> tuple[float, float]:
+def _seen(local: ParameterSet, span: float) -> tuple[float, float]:
     """Pinning over width, and width in parts of the drive: what the axes show."""
     return local.law[2], local.scale / span
 
 
 def main(path: Path) -> None:
     loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
-    records = records_of(loops, rest=rest_of(loops))
-    form = form_of(loops.input, loops.output, "effective-field")
-    form = replace(form, law=LAW_OF["tanh"], cells=CellKernel("tanh", 1))
+    records = make_fit_records(loops, rest=read_rest_offsets(loops))
+    form = make_response_form(loops.input, loops.output, "effective-field")
+    form = replace(form, law=LAW_BY_SHAPE["tanh"], cells=CellKernel("tanh", 1))
     space = CoordinateSpace("leakage", records.thinned(40), form, frozenset({"in_0", "out_0"}))
-    drawn = [placed(space, one) for one in draw_starts(CellKernel("tanh", 1), _STARTS, 1, True)]
-    starts = [space.pack(sets) for sets in drawn if possible(sets)]
-    ends = [follow(space, theta, 1e-3, _SHORT) for theta in starts]
-    final = [follow(space, end.theta, 1e-6, _LONG) for end in ends]
+    drawn = [
+        scale_to_loops(space, one)
+        for one in sample_cell_starts(CellKernel("tanh", 1), _STARTS, 1, True)
+    ]
+    starts = [space.pack(sets) for sets in drawn if has_valid_scales(sets)]
+    ends = [descend_from(space, theta, 1e-3, _SHORT) for theta in starts]
+    final = [descend_from(space, end.theta, 1e-6, _LONG) for end in ends]
     best = min(final, key=lambda one: one.cost)
 
     names = [space.names.index(name) for name in ("pinning_1", "scale")]
     span = records.input_span
-    all_seen = [_seen(one.sets[0], span) for one in (*final, best)]
-    middle = np.log(_seen(best.sets[0], span))
+    all_seen = [_seen(one.parameter_sets[0], span) for one in (*final, best)]
+    middle = np.log(_seen(best.parameter_sets[0], span))
     reach = np.maximum(np.abs(np.log(all_seen) - middle).max(axis=0), np.log(8.0))
     x, y = (
         np.linspace(m - r, m + r, _GRID)
@@ -90,7 +93,7 @@ def main(path: Path) -> None:
     )
     for start, end in zip(starts, final, strict=True):
         a = _seen(space.unpack(start)[0][0], span)
-        b = _seen(end.sets[0], span)
+        b = _seen(end.parameter_sets[0], span)
         good = end.cost < 1.05 * best.cost
         axes.plot(*zip(a, b, strict=True), color="white" if good else "tab:red", lw=0.5, alpha=0.7)
         axes.plot(*a, "o", mfc="none", mec="white" if good else "tab:red", ms=4)

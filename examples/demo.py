@@ -35,29 +35,39 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data import Loops
 from anhyst.data.reading import read_loops
-from anhyst.data.verdict import monotone_fit, single_valued
+from anhyst.data.verdict import fit_monotone, single_valued_residuals
 from anhyst.identification import identify
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.writer import write_model
 from anhyst.reports import write_report
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import map_ordered
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import dress
+from anhyst.support.result import style_axes
 from anhyst.verification import verify
-from anhyst_rigs.reports.study.page import interval_text, line_of
+from anhyst_rigs.reports.study.page import interval_text, line_style
 from anhyst_rigs.rig.bearing.loop import make_setups
-from anhyst_rigs.rig.bearing.scenario import steps_up_and_down
+from anhyst_rigs.rig.bearing.scenario import plan_steps
 from anhyst_rigs.rig.fitting import identify_magnet
 from anhyst_rigs.rig.loop import SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import StageSetup, track
-from anhyst_rigs.rig.stage.setpoint import motion_of
-from anhyst_rigs.study.bearing.ready import make_ready, read_files
-from anhyst_rigs.study.bearing.responses import compare_steps, default_seeds, grouped, judge_steps
-from anhyst_rigs.study.engine.table import TITLES, Interval, mean_interval, strongest
-from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
+from anhyst_rigs.rig.stage.setpoint import scan_motion
+from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
+from anhyst_rigs.study.bearing.responses import (
+    compare_steps,
+    default_seeds,
+    group_by_step,
+    judge_steps,
+)
+from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
+from anhyst_rigs.study.engine.table import (
+    VERDICT_TITLES,
+    Interval,
+    mean_interval,
+    strongest_baseline,
+)
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.simulate import find_gains, make_variants
 
@@ -117,7 +127,7 @@ def unseen_deviation(model: Model, truth: Loops) -> Deviation:
 
 def unseen_single_valued(truth: Loops) -> Deviation:
     """Judge the best single-valued curves at the same gaps, fitted to these very loops."""
-    return Deviation.of([residual for _, residual in single_valued(truth)])
+    return Deviation.of([residual for _, residual in single_valued_residuals(truth)])
 
 
 def triangle(low: float, high: float, samples: int = 400) -> Array:
@@ -150,7 +160,7 @@ def single_valued_inverse(gap: float) -> tuple[Array, Array]:
         parts.append((force, current + offset))
     force, current = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(force, kind="stable")
-    return force[order], monotone_fit(current[order], np.ones(order.size))
+    return force[order], fit_monotone(current[order], np.ones(order.size))
 
 
 def demand_deviation(model: Model) -> tuple[Deviation, Deviation, float]:
@@ -233,10 +243,12 @@ def electromagnet(out: Path) -> Piece:
 
 def draw_loop(ax: Axes, model: Model, truth: Loops) -> None:
     """Draw what model and best single-valued curve miss by on the widest loops of an unseen gap."""
-    loop, residual = max(single_valued(truth), key=lambda pair: float(np.ptp(pair[0].output)))
+    loop, residual = max(
+        single_valued_residuals(truth), key=lambda pair: float(np.ptp(pair[0].output))
+    )
     predicted = model.predict(loop.input, loop.schedule, loop.time, loop.history).output
-    ax.plot(loop.input, residual, label=CURVE, **line_of("single-valued"))
-    ax.plot(loop.input, loop.output - predicted, label="anhyst", **line_of("full"))
+    ax.plot(loop.input, residual, label=CURVE, **line_style("single-valued"))
+    ax.plot(loop.input, loop.output - predicted, label="anhyst", **line_style("full"))
     gap = loop.schedule_value
     where = "" if gap is None else f" at {1e3 * gap:g} mm, never seen"
     ax.set(title=f"electromagnet{where}", xlabel="current [A]", ylabel="force error [N]")
@@ -264,25 +276,25 @@ def bearing(out: Path) -> Piece:
     """Let a bearing step behind its position feedback, with every kind of compensation."""
     with step(f"bearing: steps in the air, {len(BEARING)} ways from force to current"):
         rig, controller = read_files(EXAMPLES / "bearing" / "rig.toml", None)
-        ready = make_ready(rig, controller)
+        ready = check_inputs(rig, controller)
         rig, tried = ready.rig, ready.rig.settings
-        setups = make_setups(rig, controller, ready.knowledge(), BEARING)
+        setups = make_setups(rig, controller, ready.identify_magnet(), BEARING)
         load = rig.settings.load.force_N
         seeds = default_seeds(rig)
         cells = compare_steps(
             list(setups.values()), [tried.gap_m], tried.step.heights_m, [load], seeds
         )
-    steps = grouped(cells)
+    steps = group_by_step(cells)
     last = steps[-1]
-    overshoot = last.of("overshoot_percent")
-    rival = strongest(last.of("overshoot_percent"))
+    overshoot = last.figure("overshoot_percent")
+    rival = strongest_baseline(last.figure("overshoot_percent"))
     assert rival is not None
     write_table(
         out / "table.txt",
         f"overshoot, % of the step; {len(seeds)} noise seeds",
         [f"{1e6 * one.height:g} um" for one in steps],
         {
-            name: [interval_text(one.of("overshoot_percent")[name]) for one in steps]
+            name: [interval_text(one.figure("overshoot_percent")[name]) for one in steps]
             for name in setups
         },
     )
@@ -293,7 +305,7 @@ def bearing(out: Path) -> Piece:
         BASELINE[rival],
         "%",
     )
-    scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, tried.step.heights_m[-1:])
+    scenario = plan_steps(rig, controller.settings, tried.gap_m, tried.step.heights_m[-1:])
     runs = {name: SimulatedLoop(setups[name]).run(scenario) for name in (rival, "full")}
 
     def draw(ax: Axes) -> None:
@@ -302,7 +314,7 @@ def bearing(out: Path) -> Piece:
         for name, run in runs.items():
             time = 1e3 * (run["t_s"][part] - run["t_s"][begin])
             label = "anhyst" if name == "full" else BASELINE[name]
-            ax.plot(time, 1e3 * run["gap_m"][part], label=label, **line_of(name))
+            ax.plot(time, 1e3 * run["gap_m"][part], label=label, **line_style(name))
         title = "bearing: feedback hides the hysteresis"
         ax.set(title=title, xlabel="time [ms]", ylabel="gap [mm]")
 
@@ -310,7 +322,7 @@ def bearing(out: Path) -> Piece:
     remark = (
         ""
         if judged.level == "yes"
-        else f"bearing: {TITLES[judged.level].lower()}; {WHERE_IT_PAYS['feedback']}"
+        else f"bearing: {VERDICT_TITLES[judged.level].lower()}; {BENEFICIAL_CONDITIONS['feedback']}"
     )
     return Piece([line], draw, remark)
 
@@ -330,8 +342,8 @@ class Tracked:
 def follow(setup: StageSetup) -> Tracked:
     """Find the gains of the feedforward on one set-point and follow another with them."""
     table = setup.rig.settings.scan
-    gains = find_gains(setup, motion_of(table, table.train_m_per_s2))
-    motion = motion_of(table, table.test_m_per_s2)
+    gains = find_gains(setup, scan_motion(table, table.train_m_per_s2))
+    motion = scan_motion(table, table.test_m_per_s2)
     runs = [
         track(setup, motion, gains, seed) for seed in range(1, setup.rig.settings.noise_seeds + 1)
     ]
@@ -342,9 +354,9 @@ def stage(out: Path) -> Piece:
     """Let a stage follow set-points with feedforward, with every kind of compensation."""
     with step(f"stage: follows set-points with feedforward, {len(STAGE)} ways"):
         rig = read_stage(EXAMPLES / "stage" / "rig.toml")
-        magnet = identify_magnet(rig.measured.read(), rig.settings.loops)
+        magnet = identify_magnet(rig.measured_loops.read(), rig.settings.loops)
         setups, _ = make_variants(rig, magnet, STAGE)
-        found = dict(zip(setups, all_of(follow, list(setups.values())), strict=True))
+        found = dict(zip(setups, map_ordered(follow, list(setups.values())), strict=True))
     columns = {"peak, nm": ("peak_m", 1e9), "moving average, nm": ("average_m", 1e9)}
     columns |= {"50 nm, ms": ("settling_50_s", 1e3), "force rms, N": ("force_rms_N", 1.0)}
     write_table(
@@ -367,7 +379,7 @@ def stage(out: Path) -> Piece:
         for name in ("single-valued", "play", "full"):
             run = found[name].shown
             label = "anhyst" if name == "full" else BASELINE[name]
-            ax.plot(1e3 * run["t_s"], 1e6 * run["error_m"], label=label, **line_of(name))
+            ax.plot(1e3 * run["t_s"], 1e6 * run["error_m"], label=label, **line_style(name))
         title = "stage: feedforward exposes it"
         ax.set(title=title, xlabel="time [ms]", ylabel="position error [um]")
 
@@ -403,7 +415,7 @@ def draw_picture(pieces: list[Piece], path: Path) -> None:
     figure = Figure(figsize=(4.6 * len(panels), 4.0), layout="constrained")
     for ax, draw in zip(figure.subplots(1, len(panels)), panels, strict=True):
         draw(ax)
-        dress(ax)
+        style_axes(ax)
         ax.legend(frameon=False, fontsize="small")
     figure.get_layout_engine().set(wspace=0.06)  # type: ignore[call-arg, union-attr]
     figure.savefig(path, dpi=130)

@@ -38,7 +38,15 @@ from anhyst.identification.paper_search import spline_model_at
 from anhyst.model.actuator import Model
 from anhyst.reports.figures import figure_reduction
 from anhyst.support.errors import InputError
-from anhyst.support.figures import ALARM, FALLING, MEASURED, RISING, new_figure, styled, write_png
+from anhyst.support.figures import (
+    ALARM_COLOUR,
+    FALLING_COLOUR,
+    MEASURED_COLOUR,
+    RISING_COLOUR,
+    new_figure,
+    use_report_style,
+    write_png,
+)
 from anhyst.support.numeric import FloatArray
 
 Array = FloatArray
@@ -60,19 +68,23 @@ def search(loops: Loops, gap_map: str, seed: int) -> IdentifyResult:
     return found
 
 
-@styled
+@use_report_style
 def figure_parameters(model: Model, splines: bool) -> Figure:
     """Draw k and c_H over the gap: at the nodes, and by spline or by the model's own map."""
     figure = new_figure(3.2)
     nodes = np.array(model.nodes)
     gaps = np.linspace(nodes[0], nodes[-1], 301)
     for ax, name in zip(figure.subplots(1, 2), SHOWN, strict=True):
-        at_nodes = model.over_schedule(name, nodes)
-        between = CubicSpline(nodes, at_nodes)(gaps) if splines else model.over_schedule(name, gaps)
-        ax.plot(1e3 * gaps, between, color=RISING, label="spline" if splines else "gap map")
-        ax.plot(1e3 * nodes, at_nodes, "o", mfc="none", color=FALLING, label="measured gaps")
+        at_nodes = model.interpolate_parameter(name, nodes)
+        between = (
+            CubicSpline(nodes, at_nodes)(gaps)
+            if splines
+            else model.interpolate_parameter(name, gaps)
+        )
+        ax.plot(1e3 * gaps, between, color=RISING_COLOUR, label="spline" if splines else "gap map")
+        ax.plot(1e3 * nodes, at_nodes, "o", mfc="none", color=FALLING_COLOUR, label="measured gaps")
         if between.min() < 0.0:
-            ax.axhspan(between.min(), 0.0, color=ALARM, alpha=0.12, lw=0.0)
+            ax.axhspan(between.min(), 0.0, color=ALARM_COLOUR, alpha=0.12, lw=0.0)
         else:
             ax.set_ylim(0.0, 1.15 * between.max())
         ax.set_xlabel("gap (mm)")
@@ -81,7 +93,7 @@ def figure_parameters(model: Model, splines: bool) -> Figure:
     return figure
 
 
-@styled
+@use_report_style
 def figure_loops(model: Model, answer: Answer, measured: Loops) -> Figure:
     """Draw settled loops at the nodes, and dashed between them where that can be computed."""
     assert model.valid is not None
@@ -91,12 +103,12 @@ def figure_loops(model: Model, answer: Answer, measured: Loops) -> Figure:
     drive = np.concatenate([half, half[::-1]])
     for group in measured.by_schedule().values():
         full = max(group, key=lambda loop: float(np.ptp(loop.input)))
-        ax.plot(full.input, full.output, ".", color=MEASURED, ms=2.5, label="measured")
+        ax.plot(full.input, full.output, ".", color=MEASURED_COLOUR, ms=2.5, label="measured")
     for gap in model.nodes:
         ax.plot(drive, answer(drive, gap), color="#222222", lw=1.0, label="at measured gaps")
         ax.annotate(f" {1e3 * gap:.2f} mm", (drive[149], answer(drive, gap)[149]), va="center")
     middles = [0.5 * (low + high) for low, high in pairwise(model.nodes)]
-    for gap, colour in zip(middles, (RISING, ALARM, "#009E73"), strict=False):
+    for gap, colour in zip(middles, (RISING_COLOUR, ALARM_COLOUR, "#009E73"), strict=False):
         label = f"{1e3 * gap:.2f} mm, between"
         try:
             ax.plot(drive, answer(drive, gap), "--", color=colour, lw=1.5, label=label)

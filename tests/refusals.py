@@ -18,14 +18,14 @@ import pytest
 from pydantic_core.core_schema import ErrorType
 
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.wording import command_line
+from anhyst.support.wording import use_command_line_wording
 
 MESSAGES = Path(__file__).with_name("messages.toml")
 
 
 def in_commands(error: Exception) -> str:
     """Return the message of an error as the command line prints it."""
-    with command_line():
+    with use_command_line_wording():
         return str(error)
 
 

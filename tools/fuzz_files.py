@@ -28,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.extend(map(str, (ROOT, *(ROOT / "packages").iterdir())))
 
 from anhyst.data.formats import WRITERS  # noqa: E402
-from anhyst.data.formats.channel_table import SECONDS, stay_in_bounds  # noqa: E402
+from anhyst.data.formats.channel_table import MIN_CPU_TIME_S, limit_resources  # noqa: E402
 from anhyst.data.formats.channels import ChannelGroup, Series  # noqa: E402
 from anhyst.data.table import list_channels  # noqa: E402
 from anhyst.support.errors import InputError  # noqa: E402
@@ -137,7 +137,7 @@ def batch(suffix: str, seeds: list[bytes], numbers: range, folder: Path) -> int:
         for stream in (1, 2):  # libraries print what they do not understand
             os.dup2(sys.stderr.fileno(), stream)
         for number in numbers:
-            stay_in_bounds(SECONDS, 0)
+            limit_resources(MIN_CPU_TIME_S, 0)
             path = folder / f"damaged{suffix}"
             path.write_bytes(make(suffix, seeds, number))
             result = look(path)

@@ -66,16 +66,16 @@ def rig_to_recording() -> dict[str, int]:
     """Follow the rig file of a bearing to the recording of its steps."""
     from anhyst_rigs.rig.bearing.held import levitation_fault
     from anhyst_rigs.rig.bearing.loop import make_setups
-    from anhyst_rigs.rig.bearing.scenario import parts_of_run
+    from anhyst_rigs.rig.bearing.scenario import plan_recorded_run
     from anhyst_rigs.rig.loop import SimulatedLoop
-    from anhyst_rigs.study.bearing.ready import make_ready, read_files
+    from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 
     def job() -> None:
         rig, controller = read_files(RIG, None)
-        ready = make_ready(rig, controller)
+        ready = check_inputs(rig, controller)
         own = controller.settings.compensation.variant
-        setup = make_setups(ready.rig, controller, ready.knowledge(), (own,))[own]
-        steps, *_ = parts_of_run(ready.rig, setup.controller)
+        setup = make_setups(ready.rig, controller, ready.identify_magnet(), (own,))[own]
+        steps, *_ = plan_recorded_run(ready.rig, setup.controller)
         assert levitation_fault(setup, SimulatedLoop(setup).run(steps), steps) is None
 
     return Walk("anhyst_rigs").follow(job)

@@ -13,7 +13,7 @@ import argparse
 from pathlib import Path
 
 from anhyst_rigs.rig.body import read_bearing
-from anhyst_rigs.rig.measuring import loop_texts, measure_loops
+from anhyst_rigs.rig.measuring import loop_file_texts, measure_loops
 
 HERE = Path(__file__).resolve().parent
 NOTES = """\
@@ -25,7 +25,7 @@ NOTES = """\
 
 def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
     """Text of every file of the example that is made, by name."""
-    return loop_texts(measure_loops(read_bearing(path)), NOTES)
+    return loop_file_texts(measure_loops(read_bearing(path)), NOTES)
 
 
 def main() -> None:

@@ -77,7 +77,7 @@ class Magnet:
     """Iron and circuit together, with the memory of the iron; starts demagnetised."""
 
     def __init__(self, steel: CellSteel, length: float, circuit: Circuit) -> None:
-        self.steel, self.iron = steel, Piece(steel.plant())
+        self.steel, self.iron = steel, Piece(steel.make_steel())
         self.length = length  # of the flux path, m
         self.circuit = circuit
 

@@ -27,7 +27,7 @@ from pydantic import TypeAdapter
 from anhyst._core import Coil, Magnet
 from anhyst.support.numeric import FloatArray, sine
 from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
-from anhyst_rigs.rig.parts.magnet import Poles, iron_magnet
+from anhyst_rigs.rig.parts.magnet import Poles, make_iron_magnet
 
 HERE = Path(__file__).resolve().parent
 SEED = 20261122
@@ -72,7 +72,7 @@ def tables(path: Path = HERE / "irons.toml") -> dict[str, NamedIron]:
 
 def magnet(name: str) -> Magnet:
     """Return the bundled electromagnet with this iron."""
-    return iron_magnet(POLES, tables()[name])
+    return make_iron_magnet(POLES, tables()[name])
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ def strain(load: float, field: Array) -> Array:
     """Return the strain over a field of the coil, A/m, from the demagnetised rod."""
     whole = BIAS + field
     lead = np.linspace(0.0, whole[0], 400)
-    density = Piece(rod(load).plant()).run(np.concatenate([lead, whole]))[lead.size :, 1]
+    density = Piece(rod(load).make_steel()).run(np.concatenate([lead, whole]))[lead.size :, 1]
     s = ((density - MU_0 * whole) / SATURATION) ** 2
     return LAMBDA * (s + TIP * s**2)
 

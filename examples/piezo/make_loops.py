@@ -59,7 +59,7 @@ def cycles(rate: float) -> tuple[FloatArray, float]:
 
 def run(rig: PiezoRig, drive: FloatArray, dt: float) -> FloatArray:
     """Return what the stage does."""
-    return rig.motion(dt).run(drive)
+    return rig.make_motion(dt).run(drive)
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from anhyst_rigs.rig.measuring import loop_texts, measure_loops
+from anhyst_rigs.rig.measuring import loop_file_texts, measure_loops
 from anhyst_rigs.rig.stage.file import read_stage
 
 HERE = Path(__file__).resolve().parent
@@ -25,7 +25,7 @@ NOTES = """\
 
 def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
     """Text of every file of the example that is made, by name."""
-    return loop_texts(measure_loops(read_stage(path)), NOTES)
+    return loop_file_texts(measure_loops(read_stage(path)), NOTES)
 
 
 def main() -> None:

@@ -15,9 +15,9 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from anhyst_rigs.rig.force.file import Rig, read_rig
+from anhyst_rigs.rig.force.file import ForceControlRig, read_rig
 from anhyst_rigs.rig.measurement_table import MeasurementTable
-from anhyst_rigs.rig.measuring import conditioning, measure_place
+from anhyst_rigs.rig.measuring import conditioning_path, measure_at_gap
 
 HERE = Path(__file__).resolve().parent
 NOTES = """\
@@ -28,15 +28,15 @@ t_s,I_A,F_N,gap_m,loop
 """
 
 
-def rows(rig: Rig) -> Iterator[str]:
+def rows(rig: ForceControlRig) -> Iterator[str]:
     """Measure every record at every position, in the order of the file."""
     campaign, solenoid = campaign_of(rig), rig.magnet()
     sample = campaign.sample_s
     step = campaign.sweep_A_per_s * sample
     clock = 0.0
     for place in range(len(campaign.gaps_m)):
-        for loop in measure_place(rig, campaign, place, solenoid):
-            clock += sum(conditioning(campaign)) / step * 2.0 * sample
+        for loop in measure_at_gap(rig, campaign, place, solenoid):
+            clock += sum(conditioning_path(campaign)) / step * 2.0 * sample
             gap = campaign.gaps_m[place]
             for current, force in zip(loop.input.tolist(), loop.output.tolist(), strict=True):
                 yield f"{clock:.2f},{current:.5f},{force:.4f},{gap:.5f},{loop.label}"
@@ -44,7 +44,7 @@ def rows(rig: Rig) -> Iterator[str]:
         clock += campaign.pause_s
 
 
-def campaign_of(rig: Rig) -> MeasurementTable:
+def campaign_of(rig: ForceControlRig) -> MeasurementTable:
     """Return how the loops are to be measured."""
     assert rig.solenoid_file is not None
     assert rig.solenoid_file.measurement is not None
@@ -54,7 +54,7 @@ def campaign_of(rig: Rig) -> MeasurementTable:
 def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
     """Text of every file of the example, by name."""
     rig = read_rig(path)
-    turns = [0.0, *conditioning(campaign_of(rig))]
+    turns = [0.0, *conditioning_path(campaign_of(rig))]
     history = f"conditioned:{','.join(str(turn) for turn in turns)}"
     text = NOTES + "\n".join(rows(rig)) + "\n"
     return {"loops.csv": text, "loops.toml": f'history = "{history}"\n'}

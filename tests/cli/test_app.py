@@ -153,7 +153,7 @@ def test_a_fault_of_the_program_is_one_line_and_has_an_exit_code_of_its_own(
         raise ZeroDivisionError("division by zero")
 
     monkeypatch.delenv("ANHYST_TRACE", raising=False)
-    monkeypatch.setattr(cli, "command_of", lambda verbs: fail)
+    monkeypatch.setattr(cli, "build_command", lambda verbs: fail)
     assert cli.main(["inspect"]) == 70
     message = capsys.readouterr().err
     assert message.startswith("anhyst: error: ZeroDivisionError: division by zero; ")

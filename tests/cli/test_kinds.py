@@ -18,7 +18,13 @@ import anhyst
 from anhyst.cli.app import app, main
 from anhyst.data.formats import FORMATS
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import MEASUREMENTS, UNKNOWN, kind_of, kinds_for, rig_kinds
+from anhyst.support.kinds import (
+    MEASUREMENT_SUFFIXES,
+    UNKNOWN_FILE,
+    accepted_kinds,
+    file_kind,
+    rig_kinds,
+)
 from anhyst_rigs.rig.body import read_bearing
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.rig.piezo import read_piezo_rig
@@ -209,7 +215,7 @@ def test_the_page_says_which_rig_a_verb_takes() -> None:
     assert {verb for verb, _ in rows} == {verb for kind in columns for verb in kind.verbs}
     for verb, cells in rows:
         taken = [cell.strip() == "yes" for cell in cells.split("|")]
-        assert taken == [kind in kinds_for(verb) for kind in columns], verb
+        assert taken == [kind in accepted_kinds(verb) for kind in columns], verb
 
 
 def test_every_verb_has_its_row() -> None:
@@ -252,9 +258,9 @@ def test_a_file_that_says_no_kind_is_asked_for_it_alone(
 
 
 def test_an_ending_of_measurements_is_one_that_is_read() -> None:
-    assert set(FORMATS) - {".txt", ".dat"} == MEASUREMENTS
+    assert set(FORMATS) - {".txt", ".dat"} == MEASUREMENT_SUFFIXES
 
 
 def test_a_folder_without_manifest_and_a_missing_file_are_of_no_kind(tmp_path: Path) -> None:
-    assert kind_of(tmp_path) is UNKNOWN
-    assert kind_of(tmp_path / "none.toml") is UNKNOWN
+    assert file_kind(tmp_path) is UNKNOWN_FILE
+    assert file_kind(tmp_path / "none.toml") is UNKNOWN_FILE

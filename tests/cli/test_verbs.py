@@ -16,25 +16,25 @@ import typer
 import anhyst
 from anhyst import verbs
 from anhyst.cli import app as cli
-from anhyst.cli.docstring import read_docstring, with_options
-from anhyst.cli.generate import Verb, add_command, read_verbs
+from anhyst.cli.docstring import read_docstring, use_option_names
+from anhyst.cli.generate import Verb, add_command, load_verbs
 from anhyst.cli.reading import read_options
 from anhyst.compensate.block import Kind
 from anhyst.compensate.force_controller import Io
 from anhyst.compilation.compiled_stage import StageKind
 from anhyst.laws import LAWS
-from anhyst.support.registry import PARTS
-from anhyst.support.verbs import _read
+from anhyst.support.registry import PROJECT_PACKAGES
+from anhyst.support.verbs import _find_all
 from anhyst.verification.verify import HOST_STEPS, TARGET_STEPS
 from anhyst_exchange import exporter
 from anhyst_rigs.study.tuning import search
 
-VERBS = {verb.name: verb for verb in read_verbs()}
+VERBS = {verb.name: verb for verb in load_verbs()}
 
 
 @pytest.mark.parametrize("verb", VERBS.values(), ids=VERBS)
 def test_docstring_describes_every_parameter(verb: Verb) -> None:
-    described = {name.strip("*") for name in verb.described.parameters}
+    described = {name.strip("*") for name in verb.docstring.parameters}
     assert described == inspect.signature(verb.function).parameters.keys()
     assert getattr(anhyst, verb.name) is verb.function
     assert verb.name in anhyst.__all__
@@ -56,7 +56,7 @@ def test_command_has_the_parameters_and_defaults_of_the_function(verb: Verb) -> 
 
 
 def test_the_verbs_of_the_other_parts_are_those_that_are_named_where_they_are_missing() -> None:
-    for part, names in PARTS.items():
+    for part, names in PROJECT_PACKAGES.items():
         folder = import_module(f"{part.replace('-', '_')}.verbs")
         assert sorted(names) == [verb.name for verb in iter_modules(folder.__path__)]
 
@@ -74,13 +74,13 @@ def test_words_and_numbers_of_a_signature_are_those_of_the_package() -> None:
         ("compile", "Kind", StageKind),
         ("fleet", "Kind", Kind),
         ("fleet", "Io", Io),
-        ("export", "Of", exporter.Of),
-        ("export", "Form", exporter.As),
+        ("export", "Of", exporter.ExportedPart),
+        ("export", "Form", exporter.ExportForm),
     ):
         assert set(get_args(getattr(VERBS[verb].module, name))) <= set(get_args(words)), verb
-    law = VERBS["identify"].described.parameters["law"].text
+    law = VERBS["identify"].docstring.parameters["law"].text
     assert all(name in law for name in LAWS)
-    assert VERBS["tune"].parameters["budget"].default == search.BUDGET
+    assert VERBS["tune"].parameters["budget"].default == search.DEFAULT_BUDGET
     steps = inspect.signature(anhyst.verify).parameters
     assert steps["host_steps"].default == HOST_STEPS
     assert steps["target_steps"].default == TARGET_STEPS
@@ -141,13 +141,13 @@ def new_verb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """A file in the folder of the verbs, and nothing else."""
     (tmp_path / "weigh_parts.py").write_text(NEW)
     monkeypatch.setattr(verbs, "__path__", [*verbs.__path__, str(tmp_path)])
-    _read.cache_clear()
+    _find_all.cache_clear()
     added = typer.Typer(rich_markup_mode="markdown")
-    for verb in read_verbs():
+    for verb in load_verbs():
         add_command(added, verb)
     monkeypatch.setattr(cli, "app", added)
     yield
-    _read.cache_clear()
+    _find_all.cache_clear()
 
 
 @pytest.mark.usefixtures("new_verb")
@@ -181,5 +181,5 @@ def test_a_new_verb_is_one_file(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_texts_are_worded_for_the_command_line() -> None:
     flags = {"known": "--rig", "port": "--port"}
-    assert with_options("With `port` or `known`: ``x``", flags) == "With --port or --rig: x"
-    assert with_options("as for `verify`", flags) == "as for 'verify'"
+    assert use_option_names("With `port` or `known`: ``x``", flags) == "With --port or --rig: x"
+    assert use_option_names("as for `verify`", flags) == "as for 'verify'"

@@ -43,7 +43,7 @@ RUNS = [
         limits=replace(control.limits, step=40e-6, max_missing_samples=2, hold=5, selftest=2),
         levitation=replace(control.levitation, **FASTER),
     )
-    for control in (CONTROL, replace(CONTROL, measured=True), PAIR)
+    for control in (CONTROL, replace(CONTROL, uses_measured_currents=True), PAIR)
 ]
 FAULTS = [
     (

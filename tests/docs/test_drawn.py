@@ -52,7 +52,7 @@ def path() -> tuple[FloatArray, FloatArray]:
 
 
 def test_two_pieces_of_one_iron_in_series_are_that_iron(irons: ModuleType) -> None:
-    core, steel = irons.Core(POLES), STEEL.plant()
+    core, steel = irons.Core(POLES), STEEL.make_steel()
     one = irons.PlantIron(steel).answer(core, *path())
     two = irons.SeriesIron(steel, steel, 0.3, 1.0).answer(core, *path())
     assert np.max(np.abs(two.flux - one.flux)) < 1e-6 * np.max(one.flux)

@@ -13,7 +13,7 @@ import pytest
 
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.model.actuator import obstacle
+from anhyst.model.actuator import find_compile_obstacle
 from anhyst_rigs.rig.piezo import read_piezo_rig
 from tests.cli.command import quick, unwrapped
 from tests.identification.truths import noisy
@@ -36,7 +36,7 @@ def test_the_files_are_made_again_byte_by_byte(name: str, tmp_path: Path) -> Non
 def test_the_virtual_stack_has_a_loop_creeps_and_rings() -> None:
     rig = read_piezo_rig(PIEZO / "rig.toml")
     dt = 1e-4
-    held = rig.motion(dt).run(np.full(40_000, 100.0))
+    held = rig.make_motion(dt).run(np.full(40_000, 100.0))
     fast, later = held[200:1000].mean(), held[-1000:].mean()
     assert 1.005 < later / fast < 1.02
     around = held[5:60] - fast
@@ -45,12 +45,12 @@ def test_the_virtual_stack_has_a_loop_creeps_and_rings() -> None:
         rig.settings.flexure.resonance_Hz, rel=0.05
     )
     slow = 75.0 * (1.0 - np.cos(2.0 * np.pi * np.arange(2000) / 2000))
-    found = rig.motion(1e-3).run(slow)
+    found = rig.make_motion(1e-3).run(slow)
     assert found[1500] - found[500] == pytest.approx(5.2e-6, rel=0.15)
 
 
 def test_a_voltage_that_is_not_changed_leaves_the_stage_at_rest() -> None:
-    stage = read_piezo_rig(PIEZO / "rig.toml").motion(1e-4)
+    stage = read_piezo_rig(PIEZO / "rig.toml").make_motion(1e-4)
     assert np.all(stage.run(np.zeros(10)) == 0.0)
 
 
@@ -100,7 +100,7 @@ def test_the_bias_of_a_rod_is_found_and_a_prestress_between_predicted(noise: flo
     model = identify(loops.with_loops(restless)).model
     assert model.output.name == "magnetostriction"
     assert model.parameters["in_0"] == pytest.approx(-30e3, rel=0.06)
-    assert obstacle(model) is None  # over the prestress too
+    assert find_compile_obstacle(model) is None  # over the prestress too
     off, largest = [], 0.0
     for loop in read_loops(here / "unseen.csv").loops:
         made = model.predict(loop.input, loop.schedule, None, loop.history).output

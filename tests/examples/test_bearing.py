@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from anhyst.data.reading import read_loops
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig, read_bearing
-from anhyst_rigs.rig.drift import with_iron
+from anhyst_rigs.rig.drift import change_iron
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.parts.iron import CellSteel
 
@@ -52,7 +52,7 @@ def test_the_loops_are_what_the_script_makes(example: ModuleType) -> None:
 
 
 def test_the_loops_read_as_they_were_measured(rig: BodyRig) -> None:
-    read, made = read_loops(rig.measured.places[0]), measure_loops(rig)
+    read, made = read_loops(rig.measured_loops.paths[0]), measure_loops(rig)
     assert len(read.loops) == len(made.loops) == 12
     for kept, fresh in zip(read.loops, made.loops, strict=True):
         assert str(kept.history) == str(fresh.history)
@@ -89,7 +89,7 @@ def test_the_table_of_gaps(rig: BodyRig) -> None:
         assert f"{most:.2f} T" == density
         percent = opening(current, rising, falling)
         assert f"{percent.max():.1f} %, {percent.mean():.1f} %" == width
-        up, down = (float(np.interp(rig.load, one, current)) for one in (rising, falling))
+        up, down = (float(np.interp(rig.static_load, one, current)) for one in (rising, falling))
         assert f"{up:.3f} A, {down:.3f} A" == at_load
         assert (where == "`loops.csv`") == (gap in measured)
 
@@ -100,13 +100,13 @@ def test_the_table_of_reversible_fractions(rig: BodyRig) -> None:
     assert isinstance(steel, CellSteel)
     assert float(table[0][0]) == steel.reversible_fraction
     for fraction, on, back, part, width in table:
-        changed = with_iron(rig, float(fraction))
+        changed = change_iron(rig, float(fraction))
 
         def force(*currents: float, rig: BodyRig = changed) -> float:
             path = np.array([*PAST, *currents])
             return float(rig.static_map(path, np.full(path.size, gap))[0][-1])
 
-        load = brentq(lambda current: force(current) - rig.load, 1.0, HIGH)
+        load = brentq(lambda current: force(current) - rig.static_load, 1.0, HIGH)
         going_on = (force(load + 1e-3) - force(load)) / 1e-3
         turning = (force(load) - force(load, load - 1e-3)) / 1e-3
         assert f"{going_on:.0f} N/A" == on

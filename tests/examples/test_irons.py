@@ -12,7 +12,7 @@ from anhyst._core import Coil, Piece
 from anhyst.data.reading import read_loops
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.parts.iron import AnySteel
-from anhyst_rigs.rig.parts.magnet import iron_magnet
+from anhyst_rigs.rig.parts.magnet import make_iron_magnet
 from tests.plant.irons import FOLDER, STEELS, generator
 
 README = (FOLDER / "README.md").read_text(encoding="utf-8")
@@ -26,7 +26,7 @@ every = pytest.mark.parametrize("name", STEELS)
 def major(steel: AnySteel) -> tuple[float, float, float]:
     """Return coercive field, remanence and flux density at 10 kA/m of the largest loop."""
     field = 1e4 * np.sinh(7.0 * np.linspace(-1.0, 1.0, 2001)) / np.sinh(7.0)
-    piece = Piece(steel.plant())
+    piece = Piece(steel.make_steel())
     piece.run(np.ascontiguousarray(field[::-1]))
     density = piece.run(field)[:, 1]
     return (
@@ -76,7 +76,7 @@ def test_winding_and_poles_are_those_of_the_bundled_magnet() -> None:
     """With its own iron, the plant's magnet pulls as the bundled script's does."""
     example = generator()
     bundled = example.bundled.load()[0]
-    coil = Coil(iron_magnet(example.POLES, bundled.steel))
+    coil = Coil(make_iron_magnet(example.POLES, bundled.steel))
     rng = np.random.default_rng(3)
     for current, gap in zip(
         rng.uniform(0.0, 3.0, 40), rng.uniform(0.3e-3, 0.6e-3, 40), strict=True

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from anhyst.support.units import MU_0
-from anhyst_rigs.rig.force.file import Rig, read_rig
+from anhyst_rigs.rig.force.file import ForceControlRig, read_rig
 from anhyst_rigs.rig.parts.iron import CellSteel
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
@@ -32,7 +32,7 @@ def example() -> ModuleType:
 
 
 @pytest.fixture(scope="module")
-def rig() -> Rig:
+def rig() -> ForceControlRig:
     return read_rig(FOLDER / "rig.toml")
 
 
@@ -55,10 +55,10 @@ def test_the_first_version_has_its_data_too(example: ModuleType) -> None:
         assert next(made) == line, f"row {row}"
 
 
-def test_the_table_of_positions(rig: Rig) -> None:
+def test_the_table_of_positions(rig: ForceControlRig) -> None:
     rows = table()
     assert [float(row[0].split()[0]) for row in rows] == [
-        round(1e3 * gap, 2) for gap in rig.settings.held.gaps_m
+        round(1e3 * gap, 2) for gap in rig.settings.held_case.gaps_m
     ]
     file = rig.solenoid_file
     assert file is not None
@@ -91,7 +91,7 @@ def test_the_table_of_positions(rig: Rig) -> None:
         assert (where == "`loops.csv`") == (gap in measured)
 
 
-def test_the_thresholds_of_the_cells(rig: Rig) -> None:
+def test_the_thresholds_of_the_cells(rig: ForceControlRig) -> None:
     assert rig.solenoid_file is not None
     steel = rig.solenoid_file.iron
     assert isinstance(steel, CellSteel)

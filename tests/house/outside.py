@@ -52,9 +52,9 @@ def my_lab(factory: pytest.TempPathFactory) -> Path:
 
 
 def _forget() -> None:
-    registry._every_point.cache_clear()
+    registry._all_entry_points.cache_clear()
     for known in (LAWS, FORMATS, ACTUATORS, kinds._RIG_KINDS):
-        vars(known).pop("_found", None)
+        vars(known).pop("_plugins", None)
 
 
 @contextmanager

@@ -10,7 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.compilation.toolchain import AXES_FIXED, CONTROL, SINGLE, SOURCES
+from anhyst.compilation.toolchain import (
+    AXES_SOURCES_FIXED,
+    CONTROL_SOURCES,
+    KIND_SOURCES,
+    KIND_SOURCES_F32,
+)
 from tests.repository import ROOT
 
 CORE = ROOT / "core" / "src"
@@ -23,8 +28,11 @@ def core_files(*lists: tuple[str, ...]) -> list[Path]:
 
 
 GROUPS = {
-    "fixed": (core_files(*SOURCES.values(), CONTROL, AXES_FIXED), CORE_INCLUDES),
-    "f32": (core_files(*SINGLE.values()), CORE_INCLUDES),
+    "fixed": (
+        core_files(*KIND_SOURCES.values(), CONTROL_SOURCES, AXES_SOURCES_FIXED),
+        CORE_INCLUDES,
+    ),
+    "f32": (core_files(*KIND_SOURCES_F32.values()), CORE_INCLUDES),
     "firmware": (
         sorted(
             file

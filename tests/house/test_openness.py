@@ -21,11 +21,11 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
 from anhyst.support.units import QUANTITIES
 from anhyst_exchange.exporter import export_fmu
-from anhyst_rigs.dashboard.verb import opened
+from anhyst_rigs.dashboard.verb import open_prepared
 from anhyst_rigs.link import firmware
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.fitted import identify_stage
-from anhyst_rigs.study.bench import prepared_once
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet
+from anhyst_rigs.study.bench import prepare_cached
 from tests.docs.blocks import blocks
 from tests.docs.places import fill, shell
 from tests.exchange.slave import HERE, slave
@@ -98,7 +98,7 @@ def measured(lab: Path) -> Path:
 
 
 def run(*arguments: object) -> str:
-    printer.used, printer.is_verbose = 0, True  # `main` begins with a new count of lines
+    printer.used_lines, printer.is_verbose = 0, True  # `main` begins with a new count of lines
     result = CliRunner().invoke(app, [str(one) for one in arguments])
     assert result.exit_code == 0, result.output
     return result.output
@@ -199,8 +199,8 @@ def measured_table(table: Path) -> Path:
 
 @pytest.mark.slow
 def test_the_actuator_of_the_page_is_operated_live(table: Path) -> None:
-    with prepared_once(measured_table(table), None) as prepared:
-        bench, _, _ = opened(prepared)
+    with prepare_cached(measured_table(table), None) as prepared:
+        bench, _, _ = open_prepared(prepared)
     bench.command(Command.RUN)
     rows = bench.advance(4000)
     names = ["tick", *(signal.name for signal in bench.signals)]
@@ -213,7 +213,7 @@ def test_the_actuator_of_the_page_is_operated_live(table: Path) -> None:
 @pytest.mark.slow
 def test_the_actuator_of_the_page_flies_as_an_fmu_bit_for_bit(table: Path) -> None:
     path = measured_table(table)
-    magnet = identify_stage(read_stage(path))
+    magnet = identify_stage_magnet(read_stage(path))
     fmu = export_fmu(path, table / "table.fmu", platforms=[HERE])
     scan = scanned_by_axes(fmu, path, 10.0, magnet)
     names = ("demand_x_N", "command_A", "command_3_A")

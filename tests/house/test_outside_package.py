@@ -299,7 +299,7 @@ def test_a_package_does_not_replace_a_target(tmp_path: Path) -> None:
     install(tmp_path, "other", points, target)
     program = (
         "from anhyst.verification.targets import TARGETS, WHOLE_TARGETS as whole;"
-        "print('host' in whole, 'host' in TARGETS, whole.why_unusable('mine'))"
+        "print('host' in whole, 'host' in TARGETS, whole.explain_unusable('mine'))"
     )
     said = run(tmp_path, tmp_path, "-c", program).stdout
     assert said.startswith("False True other adds it and cannot be loaded")
@@ -313,7 +313,7 @@ def test_what_is_kept_is_computed_anew_where_a_package_has_changed(
     (tmp_path / "lab").mkdir()
     if init:
         (tmp_path / "lab" / "__init__.py").write_text("")
-    program = "from anhyst.support.kept import computed_with; print(computed_with().hex())"
+    program = "from anhyst.support.cache import code_digest; print(code_digest().hex())"
     found = set()
     for law in ("mine", "mine", "other"):
         (tmp_path / "lab" / "law.py").write_text(LAW.format(name=law))

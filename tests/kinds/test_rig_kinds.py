@@ -15,8 +15,8 @@ import pytest
 
 from anhyst.compilation.compiled_stage import HasController
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import RIG_FORMAT, capability, kind_of, rig_kinds
-from anhyst_exchange.exporter import RIG_PARTS
+from anhyst.support.kinds import RIG_FORMAT, file_kind, require_capability, rig_kinds
+from anhyst_exchange.exporter import RIG_PART_FACTORIES
 from anhyst_rigs.kinds.rig_kind import RigKind
 from anhyst_rigs.reports.studies import HasBenefit, HasBoard, HasPlants, HasSimulation
 from anhyst_rigs.study.bench import HasBench
@@ -53,7 +53,7 @@ def arguments(function: Any) -> int:
 def test_a_record_does_what_every_verb_of_it_asks_and_nothing_else(word: str) -> None:
     kind = rig_kinds()[word]
     assert isinstance(kind, RigKind)
-    assert ("export" in kind.verbs) == (word in RIG_PARTS)
+    assert ("export" in kind.verbs) == (word in RIG_PART_FACTORIES)
     asked = [one for verb in kind.verbs for one in PROTOCOLS[verb]]
     if kind.has_option("simulate", "--board"):
         asked.append(HasBoard)
@@ -71,8 +71,8 @@ def test_a_record_does_what_every_verb_of_it_asks_and_nothing_else(word: str) ->
 @pytest.mark.parametrize(("folder", "word"), RIGS.items())
 def test_the_files_of_an_example_are_those_that_it_names(folder: str, word: str) -> None:
     path = EXAMPLES / folder / "rig.toml"
-    assert kind_of(path).word == word
-    files = capability(kind_of(path), HasBench).files(path, None)
+    assert file_kind(path).word == word
+    files = require_capability(file_kind(path), HasBench).files(path, None)
     assert files[0] == path
     assert all(file.is_file() for file in files)
     named = {file.name for file in files}
@@ -87,8 +87,8 @@ def test_a_record_is_copied_and_has_its_places_then() -> None:
 
 def test_a_kind_is_known_before_its_work_is_imported() -> None:
     program = (
-        "import sys; from anhyst.support.kinds import kind_of;"
-        f"assert kind_of({str(EXAMPLES / 'bearing' / 'rig.toml')!r}).title == 'a bearing';"
+        "import sys; from anhyst.support.kinds import file_kind;"
+        f"assert file_kind({str(EXAMPLES / 'bearing' / 'rig.toml')!r}).title == 'a bearing';"
         "loaded = [one for one in sys.modules if one.startswith('anhyst')];"
         "assert not [one for one in loaded if '.study' in one or '.rig.' in one], loaded"
     )
@@ -98,7 +98,7 @@ def test_a_kind_is_known_before_its_work_is_imported() -> None:
 OVEN = """
 from pathlib import Path
 from anhyst_rigs.kinds.rig_kind import RigKind
-from anhyst_rigs.reports.study.page import Printed
+from anhyst_rigs.reports.study.page import TerminalSummary
 from anhyst_rigs.study.engine.table import Judgement, StudyResult
 
 
@@ -121,13 +121,13 @@ class Heated(StudyResult):
 
 
 def simulate(task):
-    if task.written:
+    if task.writes_files:
         task.out.write_text("kelvin\\n300\\n")
     return Heated()
 
 
 def printed(result):
-    return Printed([], ["300 K"])
+    return TerminalSummary([], ["300 K"])
 
 
 def written(result, out):
@@ -200,7 +200,7 @@ def test_a_record_that_leaves_out_what_its_verb_asks_is_named(oven: Path) -> Non
     assert refused.returncode == 2
     assert "'files' of the kind 'oven' cannot be used" in refused.stderr
     with pytest.raises(InputError, match="'tuning' of the kind 'force'"):
-        capability(rig_kinds()["force"], HasTuning)
+        require_capability(rig_kinds()["force"], HasTuning)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from anhyst import InputError, Loops, Model
 from anhyst.cli.app import main
 from anhyst.data.loops import Loop
 from anhyst.support.units import QUANTITIES
-from anhyst.support.wording import command_line, count_of, in_python
+from anhyst.support.wording import count_text, use_command_line_wording, word_for_python
 
 IRON = {"M_s": 4e5, "a": 30.0, "k": 20.0, "c": 0.2, "c_H": 1.0, "c_out": 1.0}
 MODEL = Model("core", QUANTITIES["field"], QUANTITIES["flux_density"], IRON)
@@ -237,12 +237,12 @@ TEXTS = {
 
 @pytest.mark.parametrize("text", TEXTS)
 def test_message_names_arguments_in_python(text: str) -> None:
-    assert in_python(text) == TEXTS[text]
-    assert in_python(TEXTS[text]) == TEXTS[text]
+    assert word_for_python(text) == TEXTS[text]
+    assert word_for_python(TEXTS[text]) == TEXTS[text]
     error = InputError(f"file.csv: {text}", code="any")
     assert str(error) == f"file.csv: {TEXTS[text]}"
-    assert str(error.at("place")) == f"place: file.csv: {TEXTS[text]}"
-    with command_line():
+    assert str(error.with_location("place")) == f"place: file.csv: {TEXTS[text]}"
+    with use_command_line_wording():
         assert str(error) == f"file.csv: {text}"
 
 
@@ -259,5 +259,5 @@ def test_command_line_and_python_name_the_same_remedy(
 
 
 def test_counts_have_the_right_number() -> None:
-    assert [count_of(n, "loop") for n in (0, 1, 2)] == ["0 loops", "1 loop", "2 loops"]
-    assert count_of(2, "history") == "2 histories"
+    assert [count_text(n, "loop") for n in (0, 1, 2)] == ["0 loops", "1 loop", "2 loops"]
+    assert count_text(2, "history") == "2 histories"

@@ -100,7 +100,7 @@ def compiled(
     """Return the magnet's compensator."""
     scales, limits = ranges(gap_map, play)
     law = None if kind == "full" else closed_form(gap_map)
-    return build_block(magnet(gap_map, play), kind, scales, limits, sizes, law=law)
+    return build_block(magnet(gap_map, play), kind, scales, limits, sizes, closed_form=law)
 
 
 RealKind = Literal["full", "simplified", "cells"]
@@ -121,7 +121,15 @@ def real_block(
 ) -> Block:
     """Return a block in floating point."""
     return build_block(
-        model, kind, scales, limits, sizes, start, number_format=io, law=law, still=still
+        model,
+        kind,
+        scales,
+        limits,
+        sizes,
+        start,
+        number_format=io,
+        closed_form=law,
+        is_static=still,
     )
 
 

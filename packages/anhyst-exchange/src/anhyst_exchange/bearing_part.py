@@ -13,35 +13,39 @@ from anhyst.support.atomic import PathLike, shipped_folder
 from anhyst.support.errors import InputError
 from anhyst.support.states import Command
 from anhyst_exchange.part import (
-    CORE_OF_LAWS,
-    WRAPPER,
+    LAW_CORE_FILES,
+    WRAPPER_FOLDER,
     Part,
     Variable,
-    array,
+    c_array_definition,
+    c_array_literal,
     compiled_sources,
-    header,
-    kernel_of,
-    row,
+    header_text,
+    kernel_expression,
 )
-from anhyst_rigs.rig.bearing.loop import compiled_model
+from anhyst_rigs.rig.bearing.loop import model_to_compile
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.parts.iron import CURVE, AnySteel, CellSteel, PreisachSteel, everett
-from anhyst_rigs.rig.parts.magnet import Solid, circuit_numbers
-from anhyst_rigs.rig.plant import current_loops, noise_seed, plant_numbers
-from anhyst_rigs.rig.recording import column
-from anhyst_rigs.study.bearing.ready import make_ready, read_files
+from anhyst_rigs.rig.parts.iron import CURVE_KEYS, AnySteel, CellSteel, PreisachSteel, everett_table
+from anhyst_rigs.rig.parts.magnet import SolidIron, circuit_parameters
+from anhyst_rigs.rig.plant import current_controllers, noise_seed, plant_parameters
+from anhyst_rigs.rig.recording import column_name
+from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 
-FORMATS = ("f32", "f64")
-CORE_OF_PLANT = (
-    *CORE_OF_LAWS,
-    *(f"compensator/{name}_{of}.c" for name in ("full", "cells", "simplified") for of in FORMATS),
+FLOAT_FORMATS = ("f32", "f64")
+PLANT_CORE_FILES = (
+    *LAW_CORE_FILES,
+    *(
+        f"compensator/{name}_{of}.c"
+        for name in ("full", "cells", "simplified")
+        for of in FLOAT_FORMATS
+    ),
     *(
         f"compensator/{name}_{of}.c"
         for name in ("block", "compensator", "map", "play_map")
-        for of in FORMATS
+        for of in FLOAT_FORMATS
     ),
-    *("compensator/play_map.c", *(f"compensator/force_controller_{of}.c" for of in FORMATS)),
-    *(f"control/{name}_{of}.c" for name in ("pidd2", "position") for of in FORMATS),
+    *("compensator/play_map.c", *(f"compensator/force_controller_{of}.c" for of in FLOAT_FORMATS)),
+    *(f"control/{name}_{of}.c" for name in ("pidd2", "position") for of in FLOAT_FORMATS),
 )
 """What the plant and its adapters name beyond a compiled controller."""
 
@@ -52,7 +56,7 @@ def bearing_part(rig_path: PathLike) -> Part:
     It ticks at the rate of the controller, whose file lies beside the rig's.
     """
     rig, controller = read_files(rig_path, None)
-    ready = make_ready(rig, controller)
+    ready = check_inputs(rig, controller)
     compensation = controller.settings.compensation
     if compensation.variant not in {"full", "simplified"} or compensation.format != "fixed":
         raise InputError(
@@ -61,11 +65,11 @@ def bearing_part(rig_path: PathLike) -> Part:
             code="not-compiled-controller",
             key="compensation",
         )
-    refuse_plant(ready.rig)
+    refuse_law_magnet(ready.rig)
     with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
         folder = Path(scratch) / "controller"
         compile_actuator(
-            compiled_model(ready.rig, ready.knowledge(), compensation.variant),
+            model_to_compile(ready.rig, ready.identify_magnet(), compensation.variant),
             folder,
             kind="full" if compensation.variant == "full" else "simplified",
             io="q31",
@@ -73,17 +77,17 @@ def bearing_part(rig_path: PathLike) -> Part:
         )
         manifest, sources = compiled_sources(folder)
     own = ("bearing.c", "bearing_controller.c", "bearing_controller.h", "virtual_plant.h")
-    sources = plant_sources("axes|piezo|held", CORE_OF_PLANT, own) | sources
-    sources["bearing_numbers.h"] = numbers_of_plant(ready.rig).encode()
-    sources["controller_numbers.h"] = _names(manifest["name"]).encode()
+    sources = plant_sources("axes|piezo|held", PLANT_CORE_FILES, own) | sources
+    sources["bearing_numbers.h"] = plant_header(ready.rig).encode()
+    sources["controller_numbers.h"] = _controller_header(manifest["name"]).encode()
     title = rig.settings.name
     text = f"{title}, controlled by '{controller.settings.name}', {compensation.variant} in fixed point"
     rate, limits = rig.settings.timing.rate_Hz, controller.settings.limits
-    variables = _variables(ready.rig, (limits.gap_low_m, limits.gap_high_m))
+    variables = _bearing_variables(ready.rig, (limits.gap_low_m, limits.gap_high_m))
     return Part(title, text, rate, variables, sources)
 
 
-def refuse_plant(rig: BodyRig) -> None:
+def refuse_law_magnet(rig: BodyRig) -> None:
     """Refuse a magnet that no FMU holds."""
     if rig.settings.magnet.kind == "law":
         raise InputError(
@@ -95,53 +99,60 @@ def refuse_plant(rig: BodyRig) -> None:
 
 
 def plant_sources(
-    others: str, core: Iterable[str] = (), own: Iterable[str] = (), memories: int = 1
+    excluded_pattern: str,
+    core_paths: Iterable[str] = (),
+    wrapper_files: Iterable[str] = (),
+    memories: int = 1,
 ) -> dict[str, bytes]:
     """Return all of the plant but what moves other rigs, sources of the core, and a part's own."""
-    found = {path: text.encode() for path, text in core_files(core, memories).items()}
-    found |= {name: (WRAPPER / name).read_bytes() for name in own}
+    found = {path: text.encode() for path, text in core_files(core_paths, memories).items()}
+    found |= {name: (WRAPPER_FOLDER / name).read_bytes() for name in wrapper_files}
     folder = shipped_folder("anhyst_exchange", "plant", "_plant", "include/anhyst_plant/body.h")
     for path in sorted(folder.rglob("*.[ch]")):
         name = path.relative_to(folder).as_posix()
-        if path.name != "bus.c" and not re.search(others, name):
+        if path.name != "bus.c" and not re.search(excluded_pattern, name):
             found[name.replace("src/", "plant/", 1)] = path.read_bytes()
     return found
 
 
-def fields(numbers: object) -> str:
+def c_initialiser(numbers: object) -> str:
     """Return structures, arrays and what is in them as C."""
     if isinstance(numbers, Mapping):
         return (
-            "{" + ", ".join(f".{name} = {fields(number)}" for name, number in numbers.items()) + "}"
+            "{"
+            + ", ".join(f".{name} = {c_initialiser(number)}" for name, number in numbers.items())
+            + "}"
         )
     if isinstance(numbers, list):
-        return "{" + ", ".join(map(fields, numbers)) + "}"
+        return "{" + ", ".join(map(c_initialiser, numbers)) + "}"
     return str(numbers)
 
 
-def _iron(steel: AnySteel) -> tuple[str, str]:
+def _iron_initialiser(steel: AnySteel) -> tuple[str, str]:
     """Return the iron of all magnets as a structure, and the arrays to which it points."""
-    numbers, table = steel.numbers(), ""
-    own: dict[str, object] = {key: value for key, value in numbers.items() if key not in CURVE}
-    own["curve"] = {key: numbers[key] for key in CURVE}
+    numbers, table = steel.plant_parameters(), ""
+    members: dict[str, object] = {
+        key: value for key, value in numbers.items() if key not in CURVE_KEYS
+    }
+    members["curve"] = {key: numbers[key] for key in CURVE_KEYS}
     slack = 0.0
     if isinstance(steel, CellSteel):
         family = "cells"
-        thresholds, weights = row(steel.thresholds), row(steel.weights)
-        own |= {"cells": steel.cells + 1, "threshold": thresholds, "weight": weights}
+        thresholds, weights = c_array_literal(steel.thresholds), c_array_literal(steel.weights)
+        members |= {"cells": steel.cells + 1, "threshold": thresholds, "weight": weights}
     elif isinstance(steel, PreisachSteel):
-        family, relays = "preisach", everett(steel, True)
-        table = array("bearing_everett", relays.ravel())
-        own |= {"everett": "bearing_everett", "nodes": len(relays)}
+        family, everett_values = "preisach", everett_table(steel, True)
+        table = c_array_definition("bearing_everett", everett_values.ravel())
+        members |= {"everett": "bearing_everett", "nodes": len(everett_values)}
         saturation = numbers["sharp"] + numbers["slow"]
-        slack = abs(numbers["feedback"]) * (float(relays.max()) + 2.0 * saturation)
+        slack = abs(numbers["feedback"]) * (float(everett_values.max()) + 2.0 * saturation)
     else:
         family, slack = "duhem", 4.0 * numbers["coercivity"]
-    described = {"family": f"&anhyst_plant_of_{family}", "slack": slack, "steel": {family: own}}
-    return fields(described), table
+    iron = {"family": f"&anhyst_plant_of_{family}", "slack": slack, "steel": {family: members}}
+    return c_initialiser(iron), table
 
 
-def _names(name: str) -> str:
+def _controller_header(name: str) -> str:
     """Return the header that gives the component the names of its controller."""
     macro = name.upper()
     scales = [
@@ -157,47 +168,52 @@ def _names(name: str) -> str:
         "CONTROLLER_INIT": f"{name}_controller_init",
         "CONTROLLER_LIMITS": f"{name}_controller_limits",
         "CONTROLLER_SETTINGS": f"{name}_controller_settings",
-        "CONTROLLER_KERNEL": kernel_of(f"{macro}_KERNEL", f"{name}_parameters"),
+        "CONTROLLER_KERNEL": kernel_expression(f"{macro}_KERNEL", f"{name}_parameters"),
         "CONTROLLER_PARAMETERS": f"{name}_parameters",
     }
-    return header("controller_numbers", defined, f'#include "{name}_controller.h"\n\n')
+    return header_text("controller_numbers", defined, f'#include "{name}_controller.h"\n\n')
 
 
-def magnet_text(
+def magnet_definition(
     steel: AnySteel,
     circuit: Mapping[str, float],
-    solid: Solid | None,
+    solid: SolidIron | None,
     cone: Mapping[str, float] | None = None,
 ) -> tuple[str, str]:
     """Return a magnet as a structure, and the lines that define what it points to."""
-    iron, everett_table = _iron(steel)
+    iron, everett_table = _iron_initialiser(steel)
     numbers: dict[str, object] = dict(circuit)
     winding = {key: numbers.pop(key) for key in ("turns", "resistance")}
-    text, own = everett_table, {"iron": iron, **numbers}
+    text, members = everett_table, {"iron": iron, **numbers}
     if solid is not None:
-        share, drag = solid.numbers()
-        part = solid.length / circuit["iron_length"]
-        slab = {"volumes": solid.volumes, "part": part, "share": row(share), "drag": row(drag)}
-        text += f"static const anhyst_plant_solid magnet_solid = {fields(slab)};\n"
-        own["solid"] = "&magnet_solid"
+        share, drag = solid.layer_parameters()
+        length_share = solid.length / circuit["iron_length"]
+        solid_members = {
+            "volumes": solid.volumes,
+            "part": length_share,
+            "share": c_array_literal(share),
+            "drag": c_array_literal(drag),
+        }
+        text += f"static const anhyst_plant_solid magnet_solid = {c_initialiser(solid_members)};\n"
+        members["solid"] = "&magnet_solid"
     if cone is not None:
-        text += f"static const anhyst_plant_cone magnet_cone = {fields(cone)};\n"
-        own["cone"] = "&magnet_cone"
-    text += f"static const anhyst_plant_circuit magnet_circuit = {fields(own)};\n"
-    return fields({"circuit": "&magnet_circuit", **winding}), text
+        text += f"static const anhyst_plant_cone magnet_cone = {c_initialiser(cone)};\n"
+        members["cone"] = "&magnet_cone"
+    text += f"static const anhyst_plant_circuit magnet_circuit = {c_initialiser(members)};\n"
+    return c_initialiser({"circuit": "&magnet_circuit", **winding}), text
 
 
-def volumes_of(solid: Solid | None) -> int:
+def volume_count(solid: SolidIron | None) -> int:
     """Return for how many volumes of solid iron an array has place, one at least."""
     return 1 if solid is None else solid.volumes
 
 
-def numbers_of_plant(rig: BodyRig) -> str:
+def plant_header(rig: BodyRig) -> str:
     """Return the plant as structures."""
     settings = rig.settings
-    numbers = plant_numbers(rig)
-    circuit = circuit_numbers(settings.magnet.poles, settings.magnet.eddy_time_s, settings.gap_m)
-    magnet, circuits = magnet_text(settings.steel, circuit, settings.magnet.solid_iron)
+    numbers = plant_parameters(rig)
+    circuit = circuit_parameters(settings.magnet.poles, settings.magnet.eddy_time_s, settings.gap_m)
+    magnet, circuits = magnet_definition(settings.steel, circuit, settings.magnet.solid_iron)
     actuators = [{"magnet": magnet, **actuator} for actuator in numbers.actuators]
     bearing = {
         **numbers.body,
@@ -211,22 +227,22 @@ def numbers_of_plant(rig: BodyRig) -> str:
     text = (
         '#include "anhyst_plant/body.h"\n\n'
         f"{circuits}"
-        f"static const anhyst_plant_actuator bearing_actuators[] = {fields(actuators)};\n"
-        f"static const anhyst_plant_head bearing_heads[] = {fields(numbers.heads)};\n"
-        f"static const anhyst_plant_body bearing = {fields(bearing)};\n\n"
+        f"static const anhyst_plant_actuator bearing_actuators[] = {c_initialiser(actuators)};\n"
+        f"static const anhyst_plant_head bearing_heads[] = {c_initialiser(numbers.heads)};\n"
+        f"static const anhyst_plant_body bearing = {c_initialiser(bearing)};\n\n"
     )
     defined = {
         "BEARING_MAGNETS": len(actuators),
         "BEARING_COORDINATES": bearing["coordinates"],
-        "BEARING_VOLUMES": volumes_of(settings.magnet.solid_iron),
+        "BEARING_VOLUMES": volume_count(settings.magnet.solid_iron),
         "BEARING_SEED": f"UINT64_C({noise_seed(rig, 0)})",
         "BEARING_HEADS": len(numbers.heads),
-        "BEARING_CURRENT_LOOPS": fields(current_loops(rig)),
+        "BEARING_CURRENT_LOOPS": c_initialiser(current_controllers(rig)),
     }
-    return header("bearing_numbers", defined, text)
+    return header_text("bearing_numbers", defined, text)
 
 
-def _variables(rig: BodyRig, gaps: tuple[float, float]) -> list[Variable]:
+def _bearing_variables(rig: BodyRig, gaps: tuple[float, float]) -> list[Variable]:
     codes = ", ".join(f"{command.value} {command.name.lower()}" for command in Command)
     middle, load = rig.settings.gap_m, rig.settings.load
     return [
@@ -239,11 +255,11 @@ def _variables(rig: BodyRig, gaps: tuple[float, float]) -> list[Variable]:
         Variable("state", "output", "1", "of the controller: 16*state + phase"),
         Variable("flags", "output", "1", "of the controller"),
         Variable("velocity_m_per_s", "output", "m/s", "of the armature; the gap opens"),
-        *magnet_variables("of the magnets, net", len(rig.settings.placed)),
+        *magnet_variables("of the magnets, net", len(rig.settings.body_magnets)),
     ]
 
 
-def magnet_variables(net: str, count: int) -> list[Variable]:
+def magnet_variables(force_text: str, count: int) -> list[Variable]:
     """Return net force and what is known of each magnet, in the order of ``show_plant``."""
     signals = (
         ("gap", "m", "true gap"),
@@ -252,9 +268,9 @@ def magnet_variables(net: str, count: int) -> list[Variable]:
         ("command", "A", "reference of the current"),
     )
     return [
-        Variable("force_N", "output", "N", net),
+        Variable("force_N", "output", "N", force_text),
         *(
-            Variable(column(signal, unit, number), "output", unit, f"{text}, magnet {number}")
+            Variable(column_name(signal, unit, number), "output", unit, f"{text}, magnet {number}")
             for number in range(1, count + 1)
             for signal, unit, text in signals
         ),

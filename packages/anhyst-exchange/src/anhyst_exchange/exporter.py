@@ -16,28 +16,27 @@ import numpy as np
 
 from anhyst.compilation.toolchain import zig_cc
 from anhyst.data.formats.text import write_csv
-from anhyst.model.actuator import MODEL_SOURCES, Model, model_from
+from anhyst.model.actuator import MODEL_SOURCES, Model, resolve_model
 from anhyst.support import running_version
 from anhyst.support.atomic import (
     PathLike,
+    atomic_folder,
     atomic_writer,
     check_path,
     check_writable,
     json_text,
-    whole_folder,
     write_bytes,
     write_files,
 )
+from anhyst.support.cache import c_name
 from anhyst.support.errors import InputError
-from anhyst.support.jobs import Progress, cores
-from anhyst.support.kept import c_name
-from anhyst.support.kinds import MODEL as MODEL_FILE
-from anhyst.support.kinds import kinds_for
+from anhyst.support.jobs import Progress, core_count
+from anhyst.support.kinds import MODEL_FILE, accepted_kinds
 from anhyst.support.registry import Registry
-from anhyst.support.toml_file import take_kind, take_rig
+from anhyst.support.toml_file import require_rig, require_toml_kind
 from anhyst_exchange.part import (
-    MODEL,
-    WRAPPER,
+    MODEL_IDENTIFIER,
+    WRAPPER_FOLDER,
     FmiVersion,
     Kind,
     Part,
@@ -53,32 +52,34 @@ class Platform:
     """Where a binary runs: zig's target, the folder in FMI 2.0, the ending, what it is linked with."""
 
     target: str
-    second: str
-    ending: str
-    links: tuple[str, ...]
+    fmi2_folder: str
+    suffix: str
+    link_options: tuple[str, ...]
 
 
 # Left to itself, zig first compiles the start-up code of Windows and a run-time library for each
 # processor, a minute and more. Sources that only compute, allocate and copy need neither: functions
 # of C come from the system's own library, and a library without constructors has no entry.
-_LINUX = ("-Wl,-z,defs", "-lc", "-lm")
-_MACOS = ("-lc",)
-_WINDOWS = (
+_LINUX_LINK_OPTIONS = ("-Wl,-z,defs", "-lc", "-lm")
+_MACOS_LINK_OPTIONS = ("-lc",)
+_WINDOWS_LINK_OPTIONS = (
     "-Wl,--no-entry",
     *(f"-lapi-ms-win-crt-{part}-l1-1-0" for part in ("heap", "math", "private", "string")),
 )
 
 PLATFORMS = {
-    "x86_64-linux": Platform("x86_64-linux-gnu.2.17", "linux64", ".so", _LINUX),
-    "aarch64-linux": Platform("aarch64-linux-gnu.2.17", "aarch64-linux", ".so", _LINUX),
-    "x86_64-windows": Platform("x86_64-windows-gnu", "win64", ".dll", _WINDOWS),
-    "x86_64-darwin": Platform("x86_64-macos", "darwin64", ".dylib", _MACOS),
-    "aarch64-darwin": Platform("aarch64-macos", "aarch64-darwin", ".dylib", _MACOS),
+    "x86_64-linux": Platform("x86_64-linux-gnu.2.17", "linux64", ".so", _LINUX_LINK_OPTIONS),
+    "aarch64-linux": Platform(
+        "aarch64-linux-gnu.2.17", "aarch64-linux", ".so", _LINUX_LINK_OPTIONS
+    ),
+    "x86_64-windows": Platform("x86_64-windows-gnu", "win64", ".dll", _WINDOWS_LINK_OPTIONS),
+    "x86_64-darwin": Platform("x86_64-macos", "darwin64", ".dylib", _MACOS_LINK_OPTIONS),
+    "aarch64-darwin": Platform("aarch64-macos", "aarch64-darwin", ".dylib", _MACOS_LINK_OPTIONS),
 }
 """By the names of FMI 3.0."""
-PLATFORMS_ALL = tuple(PLATFORMS)
+PLATFORM_NAMES = tuple(PLATFORMS)
 
-SAME_BITS = ("-ffp-contract=off",)
+REPRODUCIBLE_OPTIONS = ("-ffp-contract=off",)
 """No product fused into a sum, as the core is compiled for Python."""
 
 
@@ -90,21 +91,31 @@ def compile_all(
     files = sorted(path.relative_to(sources).as_posix() for path in sources.rglob("*.c"))
 
     def compile_one(platform: str) -> bytes:
-        one = PLATFORMS[platform]
-        binary = sources.with_name(f"{platform}-{name}") / f"{name}{one.ending}"
+        target = PLATFORMS[platform]
+        binary = sources.with_name(f"{platform}-{name}") / f"{name}{target.suffix}"
         binary.parent.mkdir()
-        options = ["-target", one.target, "-std=c99", "-O2", *SAME_BITS, "-I.", "-Iinclude"]
-        if one.links is _WINDOWS:  # without its start-up code, its headers have to be named
-            options += ["-isystem", str(_headers_of_windows())]
+        options = [
+            "-target",
+            target.target,
+            "-std=c99",
+            "-O2",
+            *REPRODUCIBLE_OPTIONS,
+            "-I.",
+            "-Iinclude",
+        ]
+        if (
+            target.link_options is _WINDOWS_LINK_OPTIONS
+        ):  # without its start-up code, its headers have to be named
+            options += ["-isystem", str(_windows_headers())]
         options += ["-shared", "-fPIC", "-s", "-nostdlib", "-o", str(binary)]
-        command = [*compiler, *options, *files, *one.links]
-        done = subprocess.run(command, cwd=sources, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise RuntimeError(f"{one.target}: {done.stderr.strip()[-500:]}")
+        command = [*compiler, *options, *files, *target.link_options]
+        result = subprocess.run(command, cwd=sources, capture_output=True, text=True, check=False)
+        if result.returncode != 0:
+            raise RuntimeError(f"{target.target}: {result.stderr.strip()[-500:]}")
         return binary.read_bytes()
 
     binaries = {}
-    with ThreadPoolExecutor(cores()) as pool:
+    with ThreadPoolExecutor(core_count()) as pool:
         jobs: dict[Future[bytes], str] = {pool.submit(compile_one, one): one for one in platforms}
         for count, ready in enumerate(as_completed(jobs), start=1):
             binaries[jobs[ready]] = ready.result()
@@ -113,7 +124,7 @@ def compile_all(
     return {platform: binaries[platform] for platform in platforms}
 
 
-def _headers_of_windows() -> Path:
+def _windows_headers() -> Path:
     """Return where zig keeps the headers of C for Windows."""
     spec = importlib.util.find_spec("ziglang")
     assert spec is not None
@@ -121,19 +132,19 @@ def _headers_of_windows() -> Path:
     return Path(spec.origin).parent / "lib" / "libc" / "include" / "any-windows-any"
 
 
-Of = Literal["compensator", "actuator"]
-_BEGIN_OF_TIME = (1980, 1, 1, 0, 0, 0)  # the same model gives the same file
+ExportedPart = Literal["compensator", "actuator"]
+_FIXED_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the same model gives the same file
 
 
 def export_fmu(
     model: Model | PathLike,
     out: PathLike,
     *,
-    of: Of | None = None,
+    of: ExportedPart | None = None,
     rate: float | None = None,
     kind: Kind | None = None,
     fmi: FmiVersion = "2.0",
-    platforms: Sequence[str] = PLATFORMS_ALL,
+    platforms: Sequence[str] = PLATFORM_NAMES,
     progress: Progress | None = None,
 ) -> Path:
     """Write an FMU for co-simulation: a model's compensator, the actuator itself, or a whole rig.
@@ -159,26 +170,28 @@ def export_fmu(
     check_writable(path)
     zig_cc("fmu")  # before anything is computed
     part = part_of(model, of, rate, kind)
-    number = fmi[0]
-    wrapper = [path.name for path in WRAPPER.glob(f"fmi{number}*.c")]
-    wrapper += [f"fmi/{path.name}" for path in (WRAPPER / "fmi").glob(f"fmi{number}*.h")]
-    token, sources = part.complete(wrapper)
+    major_version = fmi[0]
+    wrapper = [path.name for path in WRAPPER_FOLDER.glob(f"fmi{major_version}*.c")]
+    wrapper += [
+        f"fmi/{path.name}" for path in (WRAPPER_FOLDER / "fmi").glob(f"fmi{major_version}*.h")
+    ]
+    token, sources = part.add_wrapper(wrapper)
     c_files = [name for name in sources if name.endswith(".c")]
     files = {"modelDescription.xml": model_description(fmi, part, token, c_files)}
     if fmi == "3.0":
         files["sources/buildDescription.xml"] = build_description(c_files)
     files |= {f"sources/{name}": text for name, text in sources.items()}
     files |= _binaries(sources, fmi, platforms, progress)
-    with tempfile.TemporaryFile() as whole:
-        with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
+    with tempfile.TemporaryFile() as archive_file:
+        with zipfile.ZipFile(archive_file, "w", zipfile.ZIP_DEFLATED) as archive:
             for name, content in files.items():
-                archive.writestr(zipfile.ZipInfo(name, _BEGIN_OF_TIME), content)
-        whole.seek(0)
-        write_bytes(path, whole.read())
+                archive.writestr(zipfile.ZipInfo(name, _FIXED_ZIP_DATE), content)
+        archive_file.seek(0)
+        write_bytes(path, archive_file.read())
     return path
 
 
-RIG_PARTS: Registry[Callable[[PathLike], Part]] = Registry(
+RIG_PART_FACTORIES: Registry[Callable[[PathLike], Part]] = Registry(
     "anhyst.exports", {}, lambda found, _: "" if callable(found) else "and it is no function"
 )
 """By the word of a kind of rig: what returns plant and controller of a rig file as C.
@@ -189,22 +202,30 @@ They are the entry points ``anhyst.exports`` of installed packages.
 
 def rig_part(path: PathLike) -> Part:
     """Return plant and controller of a rig file as C, with inputs and outputs."""
-    word = take_rig(path, "export").word
-    if part := RIG_PARTS.get(word):
+    kind_name = require_rig(path, "export").word
+    if part := RIG_PART_FACTORIES.get(kind_name):
         return part(path)
-    why = RIG_PARTS.why_unusable(word) or "ask the author of the package that adds it"
+    reason = (
+        RIG_PART_FACTORIES.explain_unusable(kind_name)
+        or "ask the author of the package that adds it"
+    )
     raise InputError(
-        f"{path}: control.kind: '{word}' has no part for export; {why}",
+        f"{path}: control.kind: '{kind_name}' has no part for export; {reason}",
         code="not-installed",
         key="control.kind",
     )
 
 
-def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Kind | None) -> Part:
+def part_of(
+    model: Model | PathLike, of: ExportedPart | None, rate: float | None, kind: Kind | None
+) -> Part:
     """Return the part of a model that is asked for."""
     if not isinstance(model, Model):
         check_path(model, "export: model", f"{MODEL_SOURCES} or of a rig file")
-    if not isinstance(model, Model) and take_kind(model, kinds_for("export")) is not MODEL_FILE:
+    if (
+        not isinstance(model, Model)
+        and require_toml_kind(model, accepted_kinds("export")) is not MODEL_FILE
+    ):
         for name, value in (("--of", of), ("--rate", rate), ("--kind", kind)):
             if value is not None:
                 raise InputError(
@@ -222,7 +243,7 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
                     code="option-not-for-this",
                     key=name,
                 )
-        return actuator_part(model_from(model, "export"))
+        return actuator_part(resolve_model(model, "export"))
     if rate is None:
         raise InputError(
             "--rate: is missing; give the ticks a second of the compensator",
@@ -244,12 +265,12 @@ def _binaries(
         for name, text in sources.items():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             (root / name).write_bytes(text)
-        compiled = compile_all(root, MODEL, platforms, progress)
+        compiled = compile_all(root, MODEL_IDENTIFIER, platforms, progress)
     binaries = {}
-    for third, content in compiled.items():
-        one = PLATFORMS[third]
-        folder = one.second if fmi == "2.0" else third
-        binaries[f"binaries/{folder}/{MODEL}{one.ending}"] = content
+    for platform, content in compiled.items():
+        target = PLATFORMS[platform]
+        folder = target.fmi2_folder if fmi == "2.0" else platform
+        binaries[f"binaries/{folder}/{MODEL_IDENTIFIER}{target.suffix}"] = content
     return binaries
 
 
@@ -257,7 +278,7 @@ def export_sfunction(
     model: Model | PathLike,
     out: PathLike,
     *,
-    of: Of | None = None,
+    of: ExportedPart | None = None,
     rate: float | None = None,
     kind: Kind | None = None,
 ) -> Path:
@@ -274,9 +295,9 @@ def export_sfunction(
         )
     part = part_of(model, of, rate, kind)
     block = f"sfun_{c_name(part.name)}"
-    _, sources = part.complete(["sfunction.c"])
+    _, sources = part.add_wrapper(["sfunction.c"])
     texts = {f"src/{name}": text.decode("utf-8") for name, text in sources.items()}
-    with whole_folder(folder, replace=True) as draft:
+    with atomic_folder(folder, replace=True) as draft:
         write_files(draft, texts | {f"build_{block}.m": _build_script(block, part, [*sources])})
     return folder
 
@@ -286,7 +307,7 @@ def _build_script(block: str, part: Part, sources: list[str]) -> str:
     ports = [
         f"%   {kind} {index}: {variable.name} ({variable.unit or '1'}), {variable.text}"
         for kind in ("input", "output")
-        for index, variable in enumerate(part.named(kind), start=1)
+        for index, variable in enumerate(part.variables_with(kind), start=1)
     ]
     timed = (
         f"%   It samples {part.rate:g} times a second."
@@ -318,7 +339,7 @@ def _build_script(block: str, part: Part, sources: list[str]) -> str:
     )
 
 
-POINTS, GAPS = 101, 11
+BRANCH_POINTS, GAP_POINTS = 101, 11
 
 
 def export_tables(model: Model, out: PathLike) -> Path:
@@ -332,16 +353,20 @@ def export_tables(model: Model, out: PathLike) -> Path:
             f"{path}: tables are written as .csv or .json; name it so", code="wrong-ending"
         )
     check_writable(path)
-    ends, name = model.valid_range.schedule, model.output.column
-    at = np.array([0.0]) if ends is None else np.linspace(*ends, GAPS if ends[0] < ends[1] else 1)
-    places = [None if model.schedule is None else float(value) for value in at]
-    loops = [model.settled_loop(one, POINTS) for one in places]
-    axes = {model.input.column: loops[0][0][:POINTS]}
+    valid_range, name = model.valid_range.schedule, model.output.column
+    schedule_values = (
+        np.array([0.0])
+        if valid_range is None
+        else np.linspace(*valid_range, GAP_POINTS if valid_range[0] < valid_range[1] else 1)
+    )
+    gaps = [None if model.schedule is None else float(value) for value in schedule_values]
+    loops = [model.settled_loop(one, BRANCH_POINTS) for one in gaps]
+    axes = {model.input.column: loops[0][0][:BRANCH_POINTS]}
     if model.schedule is not None:
-        axes = {model.schedule.column: at} | axes
+        axes = {model.schedule.column: schedule_values} | axes
     branches = {
-        f"{name}_rising": np.array([output[:POINTS] for _, output in loops]),
-        f"{name}_falling": np.array([output[: POINTS - 1 : -1] for _, output in loops]),
+        f"{name}_rising": np.array([output[:BRANCH_POINTS] for _, output in loops]),
+        f"{name}_falling": np.array([output[: BRANCH_POINTS - 1 : -1] for _, output in loops]),
     }
     if path.suffix == ".csv":
         grid = np.meshgrid(*axes.values(), indexing="ij")
@@ -357,7 +382,7 @@ def export_tables(model: Model, out: PathLike) -> Path:
     return path
 
 
-As = Literal["fmu", "simulink", "lut"]
+ExportForm = Literal["fmu", "simulink", "lut"]
 
 
 @dataclass(frozen=True)
@@ -365,7 +390,7 @@ class Exported:
     """A file or a folder that was written."""
 
     out: Path
-    form: As
+    form: ExportForm
 
     def as_dict(self) -> dict[str, Any]:
         """Return it for JSON, with its size in bytes."""

@@ -14,12 +14,12 @@ from xml.etree import ElementTree as Xml
 from anhyst.compilation.output import compile_actuator
 from anhyst.compilation.toolchain import core_files
 from anhyst.model.actuator import Model, require_core
-from anhyst.model.parameters import CIRCUIT
+from anhyst.model.parameters import CIRCUIT_SPECS
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 
-WRAPPER = Path(__file__).with_name("fmu")
+WRAPPER_FOLDER = Path(__file__).with_name("fmu")
 
 Causality = Literal["input", "output", "constant"]
 
@@ -48,61 +48,64 @@ class Part:
     variables: Sequence[Variable]
     sources: Mapping[str, bytes]  # C files and headers by their path
 
-    def named(self, causality: Causality) -> list[Variable]:
+    def variables_with(self, causality: Causality) -> list[Variable]:
         """Return the variables of one kind."""
         return [variable for variable in self.variables if variable.causality == causality]
 
-    def complete(self, wrapper: Iterable[str]) -> tuple[str, dict[str, bytes]]:
+    def add_wrapper(self, wrapper: Iterable[str]) -> tuple[str, dict[str, bytes]]:
         """Return the token that tells this component from any other, and everything to compile."""
         common = ("part.h", "component.h", "component.c", *wrapper)
-        files = dict(self.sources) | {name: (WRAPPER / name).read_bytes() for name in common}
+        files = dict(self.sources) | {name: (WRAPPER_FOLDER / name).read_bytes() for name in common}
         content = b"".join(files[name] for name in sorted(files))
         token = hashlib.sha256(content + repr(self.variables).encode()).hexdigest()[:32]
-        files["part_values.h"] = self._values(token).encode()
+        files["part_values.h"] = self._values_header(token).encode()
         return token, dict(sorted(files.items()))
 
-    def _values(self, token: str) -> str:
-        first = [0.0, *(0.0 if v.causality == "output" else v.start for v in self.variables)]
-        return header(
+    def _values_header(self, token: str) -> str:
+        initial_values = [
+            0.0,
+            *(0.0 if v.causality == "output" else v.start for v in self.variables),
+        ]
+        return header_text(
             "part_values",
             {
                 "PART_TOKEN": f'"{token}"',
                 "PART_RATE": repr(float(self.rate)),
-                "PART_INPUTS": len(self.named("input")),
-                "PART_OUTPUTS": len(self.named("output")),
-                "PART_VALUES": len(first),
-                "PART_FIRST_VALUES": row(first),
+                "PART_INPUTS": len(self.variables_with("input")),
+                "PART_OUTPUTS": len(self.variables_with("output")),
+                "PART_VALUES": len(initial_values),
+                "PART_FIRST_VALUES": c_array_literal(initial_values),
             },
         )
 
 
-def row(values: Iterable[float]) -> str:
+def c_array_literal(values: Iterable[float]) -> str:
     """Return numbers as C reads them back, bit for bit."""
     return "{" + ", ".join(repr(float(value)) for value in values) + "}"
 
 
-def array(name: str, values: Iterable[float]) -> str:
+def c_array_definition(name: str, values: Iterable[float]) -> str:
     """Return a line that defines a row of numbers."""
-    return f"static const double {name}[] = {row(values)};\n"
+    return f"static const double {name}[] = {c_array_literal(values)};\n"
 
 
-def kernel_of(kernel: str, words: str) -> str:
+def kernel_expression(kernel: str, words: str) -> str:
     """Return the C of the kernel that a block runs on, which with layers is one beside its kind's own."""
     return f"(*({kernel}.for_block != 0 ? {kernel}.for_block({words}) : &{kernel}))"
 
 
-def header(name: str, defined: Mapping[str, object], before: str = "") -> str:
+def header_text(name: str, macros: Mapping[str, object], before: str = "") -> str:
     """Return a header: lines before, then definitions."""
     guard = f"{name.upper()}_H"
-    lines = "".join(f"#define {key} {value}\n" for key, value in defined.items())
+    lines = "".join(f"#define {key} {value}\n" for key, value in macros.items())
     return f"/* Generated. */\n#ifndef {guard}\n#define {guard}\n\n{before}{lines}\n#endif\n"
 
 
 FmiVersion = Literal["2.0", "3.0"]
-MODEL = "anhyst"
+MODEL_IDENTIFIER = "anhyst"
 """Of all binaries; what distinguishes two FMUs is their token."""
 
-_UNITS = {
+_BASE_UNITS = {
     "s": {"s": "1"},
     "N": {"kg": "1", "m": "1", "s": "-2"},
     "m/s": {"m": "1", "s": "-1"},
@@ -123,44 +126,44 @@ _UNITS = {
 
 def model_description(version: FmiVersion, part: Part, token: str, sources: Sequence[str]) -> bytes:
     """Return modelDescription.xml."""
-    second = version == "2.0"
+    is_fmi2 = version == "2.0"
     root = Xml.Element(
         "fmiModelDescription",
         {
             "fmiVersion": version,
             "modelName": _printable(part.name),
-            "guid" if second else "instantiationToken": token,
+            "guid" if is_fmi2 else "instantiationToken": token,
             "description": _printable(part.text),
             "generationTool": f"anhyst {running_version()}",
             "variableNamingConvention": "flat",
         },
     )
-    state = "canGetAndSetFMUstate" if second else "canGetAndSetFMUState"
-    serial = "canSerializeFMUstate" if second else "canSerializeFMUState"
+    state_flag = "canGetAndSetFMUstate" if is_fmi2 else "canGetAndSetFMUState"
+    serialise_flag = "canSerializeFMUstate" if is_fmi2 else "canSerializeFMUState"
     simulation = Xml.SubElement(
         root,
         "CoSimulation",
         {
-            "modelIdentifier": MODEL,
+            "modelIdentifier": MODEL_IDENTIFIER,
             "canHandleVariableCommunicationStepSize": "true",
-            state: "true",
-            serial: "true",
+            state_flag: "true",
+            serialise_flag: "true",
         },
     )
-    if second:
+    if is_fmi2:
         files = Xml.SubElement(simulation, "SourceFiles")
         for name in sources:
             Xml.SubElement(files, "File", {"name": name})
-    _units(root, [variable.unit for variable in part.variables if variable.unit is not None])
+    _add_units(root, [variable.unit for variable in part.variables if variable.unit is not None])
     experiment = {"startTime": "0.0"}
     if part.rate > 0.0:  # a step of the length of a tick is what the controller does
         experiment["stepSize"] = repr(1.0 / part.rate)
     Xml.SubElement(root, "DefaultExperiment", experiment)
-    if second:
-        _variables_2(root, part.variables)
+    if is_fmi2:
+        _add_variables_fmi2(root, part.variables)
     else:
-        _variables_3(root, part.variables)
-    return _text(root)
+        _add_variables_fmi3(root, part.variables)
+    return _to_xml(root)
 
 
 def _printable(text: str) -> str:
@@ -171,23 +174,23 @@ def _printable(text: str) -> str:
 def build_description(sources: Sequence[str]) -> bytes:
     """Return buildDescription.xml of FMI 3.0."""
     root = Xml.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
-    build = Xml.SubElement(root, "BuildConfiguration", {"modelIdentifier": MODEL})
+    build = Xml.SubElement(root, "BuildConfiguration", {"modelIdentifier": MODEL_IDENTIFIER})
     files = Xml.SubElement(build, "SourceFileSet", {"language": "C99"})
     for name in sources:
         Xml.SubElement(files, "SourceFile", {"name": name})
     Xml.SubElement(files, "IncludeDirectory", {"name": "include/"})
-    return _text(root)
+    return _to_xml(root)
 
 
-def _units(root: Xml.Element, symbols: Sequence[str]) -> None:
+def _add_units(root: Xml.Element, symbols: Sequence[str]) -> None:
     units = Xml.SubElement(root, "UnitDefinitions")
     for symbol in dict.fromkeys([*symbols, "s"]):
         unit = Xml.SubElement(units, "Unit", {"name": symbol})
-        if symbol in _UNITS:
-            Xml.SubElement(unit, "BaseUnit", _UNITS[symbol])
+        if symbol in _BASE_UNITS:
+            Xml.SubElement(unit, "BaseUnit", _BASE_UNITS[symbol])
 
 
-def _head(variable: Variable, reference: int) -> dict[str, str]:
+def _common_attributes(variable: Variable, reference: int) -> dict[str, str]:
     constant = variable.causality == "constant"
     return {
         "name": variable.name,
@@ -198,19 +201,19 @@ def _head(variable: Variable, reference: int) -> dict[str, str]:
     }
 
 
-def _numbers(variable: Variable) -> dict[str, str]:
+def _value_attributes(variable: Variable) -> dict[str, str]:
     numbers = {"unit": variable.unit} if variable.unit is not None else {}
     if variable.low is not None and variable.high is not None:
         numbers |= {"min": repr(variable.low), "max": repr(variable.high)}
     return numbers | ({"start": repr(variable.start)} if variable.causality != "output" else {})
 
 
-def _variables_2(root: Xml.Element, variables: Sequence[Variable]) -> None:
+def _add_variables_fmi2(root: Xml.Element, variables: Sequence[Variable]) -> None:
     listed = Xml.SubElement(root, "ModelVariables")
     outputs = []
     for index, variable in enumerate(variables, start=1):
-        scalar = Xml.SubElement(listed, "ScalarVariable", _head(variable, index))
-        Xml.SubElement(scalar, "Real", _numbers(variable))
+        scalar = Xml.SubElement(listed, "ScalarVariable", _common_attributes(variable, index))
+        Xml.SubElement(scalar, "Real", _value_attributes(variable))
         outputs += [index] if variable.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
     for tag in ("Outputs", "InitialUnknowns"):
@@ -219,13 +222,15 @@ def _variables_2(root: Xml.Element, variables: Sequence[Variable]) -> None:
             Xml.SubElement(parent, "Unknown", {"index": str(index), "dependencies": ""})
 
 
-def _variables_3(root: Xml.Element, variables: Sequence[Variable]) -> None:
+def _add_variables_fmi3(root: Xml.Element, variables: Sequence[Variable]) -> None:
     listed = Xml.SubElement(root, "ModelVariables")
     time = {"name": "time", "valueReference": "0", "causality": "independent", "unit": "s"}
     Xml.SubElement(listed, "Float64", time | {"variability": "continuous"})
     outputs = []
     for index, variable in enumerate(variables, start=1):
-        Xml.SubElement(listed, "Float64", _head(variable, index) | _numbers(variable))
+        Xml.SubElement(
+            listed, "Float64", _common_attributes(variable, index) | _value_attributes(variable)
+        )
         outputs += [index] if variable.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
     for tag in ("Output", "InitialUnknown"):
@@ -233,12 +238,12 @@ def _variables_3(root: Xml.Element, variables: Sequence[Variable]) -> None:
             Xml.SubElement(structure, tag, {"valueReference": str(index), "dependencies": ""})
 
 
-def _text(root: Xml.Element) -> bytes:
+def _to_xml(root: Xml.Element) -> bytes:
     Xml.indent(root)
     return bytes(Xml.tostring(root, encoding="UTF-8", xml_declaration=True))
 
 
-CORE_OF_LAWS = (
+LAW_CORE_FILES = (
     *("numeric/elementary.c", "law/langevin.c", "law/circuit.c", "law/layers.c"),
     *(f"law/{name}.c" for name in ("cell_shape", "cell_table", "cells", "law_cells")),
     *(f"law/{name}.c" for name in ("branch", "operator", "lag_exact", "lag_linear", "lag_1986")),
@@ -255,22 +260,24 @@ def actuator_part(model: Model) -> Part:
     Each step of the tool is one sample, as :meth:`anhyst.model.stepper.Stepper.commit` takes them,
     from demagnetised iron. A lag of the model is not in it.
     """
-    if model.fixed_gap_only:
+    if model.needs_fixed_gap:
         raise InputError(
             f"the iron of this model varies with its {model.schedule.name if model.schedule else ''}"
             f" ({', '.join(model.varying)}), which no actuator can follow; identify with the gap "
             "map scaling or reluctance",
             code="iron-varies",
         )
-    ends = model.valid.schedule if model.valid else None
-    places = ends or model.nodes or (0.0,)
-    middle = 0.5 * (float(places[0]) + float(places[-1]))
+    valid_range = model.valid.schedule if model.valid else None
+    schedule_values = valid_range or model.nodes or (0.0,)
+    middle = 0.5 * (float(schedule_values[0]) + float(schedule_values[-1]))
     require_core(model, middle)
-    around, rows = _around(model)
-    defined = _law(model) | around | _creep(model) | _layers(model)
-    files = {name: text.encode() for name, text in core_files(CORE_OF_LAWS).items()}
-    files |= {name: (WRAPPER / name).read_bytes() for name in ("actuator.c", "curve.c", "curve.h")}
-    files["actuator_numbers.h"] = header("actuator_numbers", defined, rows).encode()
+    circuit_macros, rows = _circuit_macros(model)
+    macros = _law_macros(model) | circuit_macros | _creep_macros(model) | _layer_macros(model)
+    files = {name: text.encode() for name, text in core_files(LAW_CORE_FILES).items()}
+    files |= {
+        name: (WRAPPER_FOLDER / name).read_bytes() for name in ("actuator.c", "curve.c", "curve.h")
+    }
+    files["actuator_numbers.h"] = header_text("actuator_numbers", macros, rows).encode()
     text = (
         f"{model.output.name.replace('_', ' ').capitalize()} of a {model.input.name}, hysteresis "
         f"included: {model.operator_law.title}"
@@ -278,10 +285,13 @@ def actuator_part(model: Model) -> Part:
     return Part(model.name or "actuator", text, 0.0, _actuator_variables(model, middle), files)
 
 
-def _law(model: Model) -> dict[str, object]:
+def _law_macros(model: Model) -> dict[str, object]:
     """Return the numbers of the law."""
     law = model.operator_law
-    iron = {spec.name: float(model.over_schedule(spec.name, [0.0])[0]) for spec in law.parameters}
+    iron = {
+        spec.name: float(model.interpolate_parameter(spec.name, [0.0])[0])
+        for spec in law.parameters
+    }
     if law.cells is not None:
         cells = law.cells(iron)
         return {
@@ -289,10 +299,10 @@ def _law(model: Model) -> dict[str, object]:
             "ACTUATOR_CELLS": cells.thresholds.size,
             "ACTUATOR_CURVES": cells.widths.size,
             "ACTUATOR_SHAPE": f"ANHYST_SHAPE_{cells.shape.upper()}",
-            "ACTUATOR_THRESHOLDS": row(cells.thresholds),
-            "ACTUATOR_WIDTHS": row(cells.widths),
-            "ACTUATOR_CENTRES": row(cells.middles),
-            "ACTUATOR_WEIGHTS": row(cells.weights.ravel()),
+            "ACTUATOR_THRESHOLDS": c_array_literal(cells.thresholds),
+            "ACTUATOR_WIDTHS": c_array_literal(cells.widths),
+            "ACTUATOR_CENTRES": c_array_literal(cells.curve_centres),
+            "ACTUATOR_WEIGHTS": c_array_literal(cells.weights.ravel()),
             "ACTUATOR_INTERACTION": iron["alpha"],
         }
     return {
@@ -307,20 +317,20 @@ def _law(model: Model) -> dict[str, object]:
     }
 
 
-def _around(model: Model) -> tuple[dict[str, object], str]:
+def _circuit_macros(model: Model) -> tuple[dict[str, object], str]:
     """Return what surrounds the iron: a curve for each of its parameters, and their rows."""
     curves, rows = [], []
-    for spec in CIRCUIT:
+    for spec in CIRCUIT_SPECS:
         curve = model.curves.get(spec.name)
         if curve is None or curve.nodes.size < 2:
-            value = model.over_schedule(spec.name, [0.0])
+            value = model.interpolate_parameter(spec.name, [0.0])
             coordinate, parts = "PLAIN", (value, value, value, value)
         else:
             heights, slopes = curve.straight()
             coordinate = spec.coordinate.upper()
             parts = (curve.nodes, curve.values, heights, slopes)
         names = [f"{spec.name}_{part}" for part in ("nodes", "values", "heights", "slopes")]
-        rows += [array(name, part) for name, part in zip(names, parts, strict=True)]
+        rows += [c_array_definition(name, part) for name, part in zip(names, parts, strict=True)]
         curves.append(f"{{{len(parts[0])}, ANHYST_CURVE_{coordinate}, {', '.join(names)}}}")
     return {
         "ACTUATOR_POWER": model.power,
@@ -329,21 +339,21 @@ def _around(model: Model) -> tuple[dict[str, object], str]:
     }, "".join(rows)
 
 
-def _creep(model: Model) -> dict[str, object]:
-    late = model.dynamics
-    times, shares = (late.times, late.shares) if late is not None else ((), ())
+def _creep_macros(model: Model) -> dict[str, object]:
+    dynamics = model.dynamics
+    times, shares = (dynamics.times, dynamics.shares) if dynamics is not None else ((), ())
     return {
         "ACTUATOR_CREEPS": len(times),
-        "ACTUATOR_TIMES": row(times or (1.0,)),
-        "ACTUATOR_SHARES": row(shares or (0.0,)),
+        "ACTUATOR_TIMES": c_array_literal(times or (1.0,)),
+        "ACTUATOR_SHARES": c_array_literal(shares or (0.0,)),
     }
 
 
-def _layers(model: Model) -> dict[str, object]:
+def _layer_macros(model: Model) -> dict[str, object]:
     if model.layers is None:
         return {"ACTUATOR_MEMORIES": 1}
     return {
-        "ACTUATOR_MEMORIES": model.layers.memories,
+        "ACTUATOR_MEMORIES": model.layers.state_copies,
         "ACTUATOR_SURFACE": model.layers.surface,
         "ACTUATOR_LAMINATED": model.layers.laminated,
     }
@@ -353,30 +363,32 @@ def _actuator_variables(model: Model, middle: float) -> list[Variable]:
     low, high = model.valid.input if model.valid else (None, None)
     start = 0.0 if low is None or high is None else min(max(0.0, low), high)
     text = "drives it, from the beginning of a step"
-    inputs = [Variable(model.input.name, "input", model.input.unit, text, start, low, high)]
+    variables = [Variable(model.input.name, "input", model.input.unit, text, start, low, high)]
     if model.schedule is not None:
         ends = model.valid.schedule if model.valid else None
         low, high = ends or (None, None)
         text = "beyond the nodes of the model its curves go on straight"
         name, unit = model.schedule.name, model.schedule.unit
-        inputs.append(Variable(name, "input", unit, text, middle, low, high))
+        variables.append(Variable(name, "input", unit, text, middle, low, high))
     text = "at the end of a step"
-    inputs.append(Variable(model.output.name, "output", model.output.unit, text))
-    inputs.append(Variable("iron_flux_density", "output", "T", "of the iron, in the model's gauge"))
-    inputs.append(Variable("iron_field", "output", "A/m", "in the iron, in the model's gauge"))
-    return [*inputs, *_constants(model)]
+    variables.append(Variable(model.output.name, "output", model.output.unit, text))
+    variables.append(
+        Variable("iron_flux_density", "output", "T", "of the iron, in the model's gauge")
+    )
+    variables.append(Variable("iron_field", "output", "A/m", "in the iron, in the model's gauge"))
+    return [*variables, *_constant_variables(model)]
 
 
-def _constants(model: Model) -> list[Variable]:
+def _constant_variables(model: Model) -> list[Variable]:
     """Return the parameters, as in a model file, that do not run over the scheduling variable."""
     units: dict[str, str] = {spec.name: spec.unit for spec in model.operator_law.parameters}
     return [
         Variable(
-            model.keys[name][1],
+            model.file_keys[name][1],
             "constant",
             units.get(name),
             spec.meaning,
-            float(model.over_schedule(name, [0.0])[0]),
+            float(model.interpolate_parameter(name, [0.0])[0]),
         )
         for name, spec in model.specs.items()
         if name not in model.varying
@@ -392,7 +404,7 @@ def compensator_part(model: Model | PathLike, rate: float, kind: Kind) -> Part:
         folder = Path(scratch) / "controller"
         compiled = compile_actuator(model, folder, rate=rate, kind=kind, io="q31")
         manifest, sources = compiled_sources(folder)
-    sources["compensator.c"] = (WRAPPER / "compensator.c").read_bytes()
+    sources["compensator.c"] = (WRAPPER_FOLDER / "compensator.c").read_bytes()
     sources["compensator_numbers.h"] = _compensator_header(manifest).encode()
     text = (
         f"Current of a demanded {manifest['signals']['demand']['quantity']}, hysteresis included: "
@@ -413,18 +425,18 @@ def _compensator_header(manifest: Mapping[str, Any]) -> str:
     """Return the header that gives the component the names of this actuator."""
     name, signals = manifest["name"], manifest["signals"]
     gap = signals.get("gap")
-    ends = gap or {"low": 0.0, "high": 0.0}
+    gap_range = gap or {"low": 0.0, "high": 0.0}
     defined = {
-        "COMPENSATOR_KERNEL": kernel_of(f"{name.upper()}_KERNEL", f"{name}_parameters"),
+        "COMPENSATOR_KERNEL": kernel_expression(f"{name.upper()}_KERNEL", f"{name}_parameters"),
         "COMPENSATOR_WORDS": f"{name.upper()}_PARAMETERS_WORDS",
         "COMPENSATOR_FULL_SCALE_DEMAND": float(signals["demand"]["scale"]),
         "COMPENSATOR_FULL_SCALE_CURRENT": float(signals["current"]["scale"]),
         "COMPENSATOR_HAS_GAP": int(gap is not None),
-        "COMPENSATOR_GAP_LOW": float(ends["low"]),
-        "COMPENSATOR_GAP_HIGH": float(ends["high"]),
+        "COMPENSATOR_GAP_LOW": float(gap_range["low"]),
+        "COMPENSATOR_GAP_HIGH": float(gap_range["high"]),
         "compensator_parameters": f"{name}_parameters",
     }
-    return header("compensator_numbers", defined, f'#include "{name}_parameters.h"\n\n')
+    return header_text("compensator_numbers", defined, f'#include "{name}_parameters.h"\n\n')
 
 
 def _compensator_variables(manifest: Mapping[str, Any]) -> list[Variable]:
@@ -432,12 +444,12 @@ def _compensator_variables(manifest: Mapping[str, Any]) -> list[Variable]:
     demand, current, gap = (signals.get(name) for name in ("demand", "current", "gap"))
     low, high = demand["low"], demand["high"]
     text = f"wanted {demand['quantity']}"
-    inputs = [Variable("demand", "input", demand["unit"], text, max(0.0, low), low, high)]
+    variables = [Variable("demand", "input", demand["unit"], text, max(0.0, low), low, high)]
     if gap:
         text = f"{gap['quantity']}; beyond its range the nearer end counts"
         low, high = gap["low"], gap["high"]
-        inputs.append(Variable("gap", "input", gap["unit"], text, low, low, high))
+        variables.append(Variable("gap", "input", gap["unit"], text, low, low, high))
     text = f"{current['quantity']} that gives it, from the last tick on"
     low, high = current["low"], current["high"]
-    inputs.append(Variable("current", "output", current["unit"], text, 0.0, low, high))
-    return inputs
+    variables.append(Variable("current", "output", current["unit"], text, 0.0, low, high))
+    return variables

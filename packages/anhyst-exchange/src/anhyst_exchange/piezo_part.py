@@ -4,18 +4,30 @@ from __future__ import annotations
 
 import math
 
-from anhyst.compilation.toolchain import SOURCES, core_files
+from anhyst.compilation.toolchain import KIND_SOURCES, core_files
 from anhyst.support.atomic import PathLike
-from anhyst_exchange.bearing_part import fields, plant_sources
-from anhyst_exchange.part import WRAPPER, Part, Variable, header, kernel_of, row
-from anhyst_exchange.stage_part import biquad
-from anhyst_rigs.rig.piezo import ControllerNumbers, PiezoRig, controller_numbers, read_piezo_rig
-from anhyst_rigs.rig.stage.loop import block_of
+from anhyst_exchange.bearing_part import c_initialiser, plant_sources
+from anhyst_exchange.part import (
+    WRAPPER_FOLDER,
+    Part,
+    Variable,
+    c_array_literal,
+    header_text,
+    kernel_expression,
+)
+from anhyst_exchange.stage_part import biquad_initialiser
+from anhyst_rigs.rig.piezo import (
+    PiezoControllerArguments,
+    PiezoRig,
+    controller_arguments,
+    read_piezo_rig,
+)
+from anhyst_rigs.rig.stage.loop import parameter_block
 from anhyst_rigs.study.piezo import find_inverses
 
-_CORE = (
+_PIEZO_CORE_FILES = (
     "numeric/elementary.c",
-    *(name for kind in ("full", "cells") for name in SOURCES[kind]),
+    *(name for kind in ("full", "cells") for name in KIND_SOURCES[kind]),
     *(f"compensator/{name}.c" for name in ("map", "force_controller")),
     *(
         f"compensator/{name}_f64.c"
@@ -33,58 +45,61 @@ def piezo_part(rig_path: PathLike) -> Part:
     """
     rig = read_piezo_rig(rig_path)
     inverse = find_inverses(rig)["full"]
-    block = block_of(inverse)
-    sources = {name: text.encode() for name, text in core_files(_CORE, block.memories).items()}
-    sources |= plant_sources("^(?!.*piezo)")
-    sources["piezo.c"] = (WRAPPER / "piezo.c").read_bytes()
-    compensator = {
-        "PIEZO_KERNEL": kernel_of(f"anhyst_kernel_{block.kind}", "words"),
-        "PIEZO_WORDS": fields(block.words.tolist()),
+    block = parameter_block(inverse)
+    sources = {
+        name: text.encode()
+        for name, text in core_files(_PIEZO_CORE_FILES, block.memory_count).items()
     }
-    numbers = compensator | _numbers(rig, controller_numbers(rig, inverse))
-    sources["piezo_numbers.h"] = header("piezo_numbers", numbers).encode()
+    sources |= plant_sources("^(?!.*piezo)")
+    sources["piezo.c"] = (WRAPPER_FOLDER / "piezo.c").read_bytes()
+    compensator = {
+        "PIEZO_KERNEL": kernel_expression(f"anhyst_kernel_{block.kind}", "words"),
+        "PIEZO_WORDS": c_initialiser(block.words.tolist()),
+    }
+    numbers = compensator | _piezo_macros(rig, controller_arguments(rig, inverse))
+    sources["piezo_numbers.h"] = header_text("piezo_numbers", numbers).encode()
     title, rate = rig.settings.name, rig.settings.timing.rate_Hz
     text = f"{title}, piezo stage led by feedforward and integrator, full in fixed point"
-    return Part(title, text, rate, _variables(rig, inverse.scales.demand), sources)
+    return Part(title, text, rate, _piezo_variables(rig, inverse.scales.demand), sources)
 
 
-def _numbers(rig: PiezoRig, controller: ControllerNumbers) -> dict[str, object]:
+def _piezo_macros(rig: PiezoRig, controller: PiezoControllerArguments) -> dict[str, object]:
     """Return stage and controller as structures."""
     stack = rig.settings.stack
     filters, settings = (
-        [biquad(one.tolist()) for one in controller["filters"]],
+        [biquad_initialiser(coefficients.tolist()) for coefficients in controller["filters"]],
         controller["settings"],
     )
     stage = {
-        **rig.numbers(rig.dt),
-        "creep_time": row(stack.creep_times_s),
-        "creep_share": row(stack.creep_shares),
+        **rig.plant_parameters(rig.dt),
+        "creep_time": c_array_literal(stack.creep_times_s),
+        "creep_share": c_array_literal(stack.creep_shares),
         "creeps": len(stack.creep_times_s),
     }
-    law = {
-        "pid": biquad(controller["pid"].tolist()),
+    control_law = {
+        "pid": biquad_initialiser(controller["pid"].tolist()),
         **{name: settings[f"current_{name}"] for name in ("low", "high", "step")},
         "filter": "filters",
         "filters": len(filters),
     }
     scales = ("demand_full", "current_full", "flux_full", "gap_low", "gap_high")
     return {
-        "PIEZO_STAGE": fields(stage),
+        "PIEZO_STAGE": c_initialiser(stage),
         "PIEZO_FILTER_COUNT": len(filters),
-        "PIEZO_FILTERS": fields(filters),
-        "PIEZO_SETTINGS": fields(law),
-        "PIEZO_CODES": row(settings[name] for name in scales),
+        "PIEZO_FILTERS": c_initialiser(filters),
+        "PIEZO_SETTINGS": c_initialiser(control_law),
+        "PIEZO_CODES": c_array_literal(settings[name] for name in scales),
         "PIEZO_SENSOR_STEP": repr(rig.settings.position_sensor.step_m),
         "PIEZO_TICK_S": repr(rig.dt),
-        "PIEZO_LATENESS_S": repr(float(rig.lateness)),
-        "PIEZO_LATE_TICKS": math.ceil(rig.lateness / rig.dt) + 2,
+        "PIEZO_LATENESS_S": repr(float(rig.response_delay)),
+        "PIEZO_LATE_TICKS": math.ceil(rig.response_delay / rig.dt) + 2,
     }
 
 
-def _variables(rig: PiezoRig, reach: float) -> list[Variable]:
-    low = rig.settings.moved.low_m
+def _piezo_variables(rig: PiezoRig, max_displacement: float) -> list[Variable]:
+    low = rig.settings.displacement_case.low_m
     return [
-        Variable("reference_m", "input", "m", "wanted displacement", low, 0.0, reach),
+        Variable("reference_m", "input", "m", "wanted displacement", low, 0.0, max_displacement),
         Variable("load_m", "input", "m", "load, by how far it would move the stage at rest"),
         Variable("position_noise_m", "input", "m", "added to the position that is read"),
         Variable("position_m", "output", "m", "true position"),

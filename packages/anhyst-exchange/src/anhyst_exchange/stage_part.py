@@ -4,42 +4,59 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from anhyst.compilation.toolchain import SOURCES
+from anhyst.compilation.toolchain import KIND_SOURCES
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
 from anhyst_exchange.bearing_part import (
-    CORE_OF_PLANT,
-    FORMATS,
-    fields,
+    FLOAT_FORMATS,
+    PLANT_CORE_FILES,
+    c_initialiser,
     magnet_variables,
-    numbers_of_plant,
+    plant_header,
     plant_sources,
-    refuse_plant,
+    refuse_law_magnet,
 )
-from anhyst_exchange.part import Causality, Part, Variable, header, kernel_of, row
+from anhyst_exchange.part import (
+    Causality,
+    Part,
+    Variable,
+    c_array_literal,
+    header_text,
+    kernel_expression,
+)
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.recording import column
-from anhyst_rigs.rig.stage.drives import least_of, opposed, watch_settings, yields
+from anhyst_rigs.rig.recording import column_name
+from anhyst_rigs.rig.stage.drives import (
+    axis_yields,
+    min_single_force,
+    monitoring_settings,
+    opposing_magnets,
+)
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
-from anhyst_rigs.rig.stage.geometry import pull_rows, unit_of
-from anhyst_rigs.rig.stage.loop import StageSetup, axes_rows, blocks_of, controller_settings
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
+from anhyst_rigs.rig.stage.geometry import axis_unit, magnet_rows
+from anhyst_rigs.rig.stage.loop import (
+    StageSetup,
+    controller_matrices,
+    controller_settings,
+    parameter_blocks,
+)
 from anhyst_rigs.study.tracking.simulate import check_calibration
 
-_CORE_OF_STAGE = (
-    *(name for name in CORE_OF_PLANT if not name.startswith("control/")),
+_STAGE_CORE_FILES = (
+    *(name for name in PLANT_CORE_FILES if not name.startswith("control/")),
     *(
         f"compensator/{name}_{of}.c"
         for name in ("force_corrected", "force_coded")
-        for of in FORMATS
+        for of in FLOAT_FORMATS
     ),
-    *(f"control/{name}_{of}.c" for name in ("axes", "wrench") for of in FORMATS),
-    *(name for kind in SOURCES.values() for name in kind),
+    *(f"control/{name}_{of}.c" for name in ("axes", "wrench") for of in FLOAT_FORMATS),
+    *(name for kind in KIND_SOURCES.values() for name in kind),
     *("compensator/map.c", "compensator/force_controller.c"),
-    *(f"control/{name}_{of}.c" for name in ("allocation", "biquad") for of in FORMATS),
+    *(f"control/{name}_{of}.c" for name in ("allocation", "biquad") for of in FLOAT_FORMATS),
 )
 """What the plant of a stage and its controller name."""
 
@@ -51,13 +68,13 @@ def stage_part(rig_path: PathLike) -> Part:
     """
     rig = read_stage(rig_path)
     _refuse_stage(rig)
-    refuse_plant(rig)
-    setup = make_stage(rig, identify_stage(rig), "full")
-    layers = max(block.memories for block in blocks_of(setup))
+    refuse_law_magnet(rig)
+    setup = make_stage(rig, identify_stage_magnet(rig), "full")
+    layers = max(block.memory_count for block in parameter_blocks(setup))
     files = ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h")
-    sources = plant_sources("piezo|position|held", _CORE_OF_STAGE, files, layers)
-    sources["bearing_numbers.h"] = numbers_of_plant(rig).encode()
-    sources["stage_numbers.h"] = _controller_numbers(setup, _words(setup)).encode()
+    sources = plant_sources("piezo|position|held", _STAGE_CORE_FILES, files, layers)
+    sources["bearing_numbers.h"] = plant_header(rig).encode()
+    sources["stage_numbers.h"] = _controller_header(setup, _compensator_macros(setup)).encode()
     title = rig.settings.name
     precision = "fixed point" if setup.compensator.format == "fixed" else "double precision"
     text = f"{title}, led by PID and feedforward, full in {precision}"
@@ -73,7 +90,7 @@ def _refuse_stage(rig: BodyRig) -> None:
             code="not-compiled-controller",
             key="control.format",
         )
-    if rig.settings.heads_stand:
+    if rig.settings.has_ground_heads:
         raise InputError(
             f"{rig.path}: sensor.stands: an FMU of a stage has no heads on the ground; leave it out",
             code="not-compiled-controller",
@@ -89,92 +106,97 @@ def _refuse_stage(rig: BodyRig) -> None:
     check_calibration(rig)
 
 
-def _words(setup: StageSetup) -> dict[str, object]:
+def _compensator_macros(setup: StageSetup) -> dict[str, object]:
     """Return the words of the compensators as macros, those of like magnets once."""
-    blocks, numbers = blocks_of(setup), controller_settings(setup)
+    blocks, numbers = parameter_blocks(setup), controller_settings(setup)
     is_fixed = blocks[0].is_fixed
-    each = [tuple(block.words.tolist()) for block in blocks]
+    words_of_magnets = [tuple(block.words.tolist()) for block in blocks]
     words: list[float] = []
-    first: dict[tuple[float, ...], int] = {}
-    for one in dict.fromkeys(each):
-        first[one] = len(words)
-        words += one
+    first_index: dict[tuple[float, ...], int] = {}
+    for block_words in dict.fromkeys(words_of_magnets):
+        first_index[block_words] = len(words)
+        words += block_words
     scales = ("demand_full", "current_full", "flux_full", "gap_low", "gap_high")
     kernel = f"anhyst_kernel_{blocks[0].kind}{'' if is_fixed else '_f64'}"
     macros: dict[str, object] = {
-        "STAGE_KERNEL": kernel_of(kernel, "words"),
+        "STAGE_KERNEL": kernel_expression(kernel, "words"),
         "STAGE_WORD": blocks[0].c_type,
-        "STAGE_WORDS": fields(words if is_fixed else [repr(word) for word in words]),
-        "STAGE_BLOCKS": fields([[first[one], len(one)] for one in each]),
+        "STAGE_WORDS": c_initialiser(words if is_fixed else [repr(word) for word in words]),
+        "STAGE_BLOCKS": c_initialiser([[first_index[one], len(one)] for one in words_of_magnets]),
     }
     if is_fixed:
-        macros["STAGE_CODES"] = row([float(numbers[name]) for name in scales])
+        macros["STAGE_CODES"] = c_array_literal([float(numbers[name]) for name in scales])
     return macros
 
 
-def _controller_numbers(setup: StageSetup, compensators: Mapping[str, object]) -> str:
+def _controller_header(setup: StageSetup, compensators: Mapping[str, object]) -> str:
     """Return the controller of a stage as structures."""
-    settings, count = controller_settings(setup), len(setup.rig.settings.placed)
+    settings, count = controller_settings(setup), len(setup.rig.settings.body_magnets)
     corrections = [[1.0, 0.0, 1.0, 0.0]] * count
-    if setup.correction is not None:
-        corrections = setup.correction.tolist()
+    if setup.correction_rows is not None:
+        corrections = setup.correction_rows.tolist()
     file, numbers = setup.rig.settings, {key: repr(float(value)) for key, value in settings.items()}
-    pair = {"idle": numbers["idle"], "kind": int(settings["allocation"])}
-    rows = axes_rows(setup)
-    law = _law_of_axes(file, rows, pair) | watch_settings(setup.rig)
-    law |= {f"current_{name}": numbers[f"current_{name}"] for name in ("low", "high", "step")}
-    return header(
+    allocation = {"idle": numbers["idle"], "kind": int(settings["allocation"])}
+    rows = controller_matrices(setup)
+    control_law = _axes_settings(file, rows, allocation) | monitoring_settings(setup.rig)
+    control_law |= {
+        f"current_{name}": numbers[f"current_{name}"] for name in ("low", "high", "step")
+    }
+    return header_text(
         "stage_numbers",
         {
             "STAGE_DRIVES": count,
             "STAGE_HEADS": len(file.position_sensors),
             **compensators,
-            "STAGE_CORRECTIONS": fields([*map(row, corrections)]),
-            **{f"STAGE_{name.upper()}": row(rows[name].ravel()) for name in ("see", "at")},
-            "STAGE_SETTINGS": fields(law),
+            "STAGE_CORRECTIONS": c_initialiser([*map(c_array_literal, corrections)]),
+            **{
+                f"STAGE_{name.upper()}": c_array_literal(rows[name].ravel())
+                for name in ("see", "at")
+            },
+            "STAGE_SETTINGS": c_initialiser(control_law),
         },
     )
 
 
-def _law_of_axes(
-    file: RigFile, rows: Mapping[str, FloatArray], pair: Mapping[str, object]
+def _axes_settings(
+    file: RigFile, rows: Mapping[str, FloatArray], allocation: Mapping[str, object]
 ) -> dict[str, object]:
     """Return the settings of a controller but its currents."""
-    pull = pull_rows(file)
+    pull = magnet_rows(file)
     return {
         "layout": {
             "axes": pull.shape[1],
             "drives": pull.shape[0],
-            "pull": f"(const double[]){row(pull.ravel())}",
-            "against": f"(const uint16_t[]){fields(opposed(file))}",
-            "pair": pair,
-            "least": least_of(file),
+            "pull": f"(const double[]){c_array_literal(pull.ravel())}",
+            "against": f"(const uint16_t[]){c_initialiser(opposing_magnets(file))}",
+            "pair": allocation,
+            "least": min_single_force(file),
             "most": file.tracking.force_max_N,
-            "yields": f"(const double[]){row(yields(file))}",
+            "yields": f"(const double[]){c_array_literal(axis_yields(file))}",
         },
         "heads": len(file.position_sensors),
         **{
-            name: f"(const double[]){row(rows[name].ravel())}"
+            name: f"(const double[]){c_array_literal(rows[name].ravel())}"
             for name in ("see", "decouple", "weigh", "reach", "land", "lift", "without")
         },
-        "pid": f"(const anhyst_biquad_f64[]){fields([*map(biquad, rows['pid'].tolist())])}",
+        "pid": f"(const anhyst_biquad_f64[]){c_initialiser([*map(biquad_initialiser, rows['pid'].tolist())])}",
     }
 
 
-def biquad(numbers: Sequence[float]) -> dict[str, str]:
+def biquad_initialiser(numbers: Sequence[float]) -> dict[str, str]:
     """Return a filter of second order as a structure."""
-    return {"forward": row(numbers[:3]), "back": row(numbers[3:])}
+    return {"forward": c_array_literal(numbers[:3]), "back": c_array_literal(numbers[3:])}
 
 
 def _stage_variables(rig: BodyRig) -> list[Variable]:
     """Return what goes in and comes out, by the names of recordings: an array a coordinate or magnet."""
     file = rig.settings
-    count = len(file.placed)
+    count = len(file.body_magnets)
 
-    def each(
-        signal: str, causality: Causality, text: str, units: _Units = _PLACE
+    def variables_of_axes(
+        signal: str, causality: Causality, text: str, units: _AxisUnits = _POSITION_UNITS
     ) -> list[Variable]:
-        named = ((axis, units[unit_of(axis) == "rad"]) for axis in file.body.free)
+        named = ((axis, units[axis_unit(axis) == "rad"]) for axis in file.body.free)
         return [
             Variable(f"{signal}_{axis}_{ending}", causality, unit, text, 0.0)
             for axis, (ending, unit) in named
@@ -183,40 +205,46 @@ def _stage_variables(rig: BodyRig) -> list[Variable]:
     stroke = "of the long stroke at the end of the tick"
     gap = "gap at the magnet, as its sensor said at the last tick"
     # that of a single coordinate is the force
-    wrench = each("wrench", "output", "of the magnets", _WRENCH) if len(file.body.free) > 1 else []
+    wrench = (
+        variables_of_axes("wrench", "output", "of the magnets", _WRENCH_UNITS)
+        if len(file.body.free) > 1
+        else []
+    )
     of_controller = {"state": "16*state + phase + 256*(highest magnet lost)", "flags": "flags"}
     states = [
         Variable(name, "output", "1", f"of the controller: {text}")
         for name, text in of_controller.items()
     ]
     return [
-        *each("reference", "input", "wanted position"),
-        *each("feedforward", "input", "net force that is fed forward", _WRENCH),
-        *each("frame", "input", f"{stroke}; begins here"),
+        *variables_of_axes("reference", "input", "wanted position"),
+        *variables_of_axes("feedforward", "input", "net force that is fed forward", _WRENCH_UNITS),
+        *variables_of_axes("frame", "input", f"{stroke}; begins here"),
         Variable("load_N", "input", "N", "pushes the body along the set-point"),
-        *each("position_noise", "input", "added to the pose that is read"),
-        Variable("command", "input", "1", _COMMANDS, 0.0, 0.0, 7.0),
-        *each("pose", "output", "true position"),
-        *each("pose_read", "output", "position as the controller had it at the last tick"),
+        *variables_of_axes("position_noise", "input", "added to the pose that is read"),
+        Variable("command", "input", "1", _COMMAND_TEXT, 0.0, 0.0, 7.0),
+        *variables_of_axes("pose", "output", "true position"),
+        *variables_of_axes(
+            "pose_read", "output", "position as the controller had it at the last tick"
+        ),
         *(
-            Variable(column("gap_read", "m", number), "output", "m", gap)
+            Variable(column_name("gap_read", "m", number), "output", "m", gap)
             for number in range(1, count + 1)
         ),
-        *each("demand", "output", "wanted net force", _WRENCH),
+        *variables_of_axes("demand", "output", "wanted net force", _WRENCH_UNITS),
         *states,
-        *each("velocity", "output", "of the body", _VELOCITY),
+        *variables_of_axes("velocity", "output", "of the body", _VELOCITY_UNITS),
         *wrench,
         *magnet_variables("of the magnets, net, along the set-point", count),
     ]
 
 
-_COMMANDS = "acts when it changes: " + ", ".join(
+_COMMAND_TEXT = "acts when it changes: " + ", ".join(
     f"{one.value} {one.name.lower()}"
     for one in (Command.NONE, Command.LIFT, Command.LAND, Command.IDLE)
 )
 
-_Units = tuple[tuple[str, str], tuple[str, str]]
+_AxisUnits = tuple[tuple[str, str], tuple[str, str]]
 """Of a displacement and of an angle, each as names end with it and as tools read it."""
-_PLACE: _Units = (("m", "m"), ("rad", "rad"))
-_VELOCITY: _Units = (("m_per_s", "m/s"), ("rad_per_s", "rad/s"))
-_WRENCH: _Units = (("N", "N"), ("N_m", "N.m"))
+_POSITION_UNITS: _AxisUnits = (("m", "m"), ("rad", "rad"))
+_VELOCITY_UNITS: _AxisUnits = (("m_per_s", "m/s"), ("rad_per_s", "rad/s"))
+_WRENCH_UNITS: _AxisUnits = (("N", "N"), ("N_m", "N.m"))

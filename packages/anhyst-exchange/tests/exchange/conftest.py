@@ -10,13 +10,13 @@ import pytest
 
 import anhyst
 from anhyst.model.writer import model_text
-from anhyst_exchange.exporter import Of, export_fmu
+from anhyst_exchange.exporter import ExportedPart, export_fmu
 from anhyst_exchange.part import FmiVersion
 from tests.exchange.slave import HERE, RATE
 from tests.once import made_once
 from tests.truths import truth
 
-Fmu = Callable[[anhyst.Model, Of, FmiVersion], Path]
+Fmu = Callable[[anhyst.Model, ExportedPart, FmiVersion], Path]
 
 
 @pytest.fixture(scope="session")
@@ -28,7 +28,7 @@ def identified() -> anhyst.Model:
 def fmu(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
     """Return the FMU of a model; a compensator ticks at :data:`RATE`."""
 
-    def made(model: anhyst.Model, of: Of, fmi: FmiVersion) -> Path:
+    def made(model: anhyst.Model, of: ExportedPart, fmi: FmiVersion) -> Path:
         rate = RATE if of == "compensator" else None
 
         def make(folder: Path) -> None:

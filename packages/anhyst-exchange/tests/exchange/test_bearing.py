@@ -18,17 +18,17 @@ from anhyst_exchange.exporter import export_fmu
 from anhyst_exchange.part import Part, model_description
 from anhyst_rigs.rig.bearing.loop import make_setups
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
-from anhyst_rigs.rig.calibration import CENTRE
+from anhyst_rigs.rig.calibration import CENTRE_PARAMETERS
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
-from anhyst_rigs.rig.recording import Recording, of_magnets
+from anhyst_rigs.rig.recording import Recording, magnet_columns
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import make_stage
-from anhyst_rigs.rig.stage.geometry import error_columns, scan_direction, unit_of
-from anhyst_rigs.rig.stage.loop import Feedforward, fed_wrench, feed, track
+from anhyst_rigs.rig.stage.geometry import axis_unit, error_columns, scan_direction
+from anhyst_rigs.rig.stage.loop import Feedforward, feedforward_force, feedforward_wrench, track
 from anhyst_rigs.rig.stage.recording import demand_columns, pose_columns
-from anhyst_rigs.rig.stage.setpoint import instants, motion_of, stray, ticks_of
-from anhyst_rigs.study.bearing.ready import make_ready, read_files
+from anhyst_rigs.rig.stage.setpoint import frame_stray, motion_ticks, scan_motion, tick_times
+from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.once import made_once
@@ -93,8 +93,8 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
 def flown(folder: Path) -> Flight:
     """Lift off, step up and down, and let the load push."""
     rig, controller = read_files(folder / "rig.toml", None)
-    ready = make_ready(rig, controller)
-    setup = make_setups(ready.rig, controller, ready.knowledge(), ("full",))["full"]
+    ready = check_inputs(rig, controller)
+    setup = make_setups(ready.rig, controller, ready.identify_magnet(), ("full",))["full"]
     script = ScenarioBuilder(ready.rig, 0.45e-3).lift_off(controller.settings)
     script.step(0.46e-3, 0.02).step(0.43e-3, 0.02)
     scenario = script.set_load(170.0).hold(0.03).build()
@@ -198,7 +198,7 @@ class Scan:
 def stage_made(folder: Path) -> None:
     """Fill a folder with the FMU of the bundled stage, its magnets known."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(stage_part, "identify_stage", lambda _: bearings.knowledge())
+        patched.setattr(stage_part, "identify_stage_magnet", lambda _: bearings.knowledge())
         for fmi in ("2.0", "3.0"):
             export_fmu(
                 stages.EXAMPLE / "rig.toml", folder / f"{fmi[0]}.fmu", fmi=fmi, platforms=[HERE]
@@ -248,7 +248,7 @@ def solid_stage_made(folder: Path) -> None:
     text = text.replace(solid, solid + table).replace(cells, DUHEM)
     (folder / "rig.toml").write_text(text)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(stage_part, "identify_stage", lambda _: late())
+        patched.setattr(stage_part, "identify_stage_magnet", lambda _: late())
         export_fmu(folder / "rig.toml", folder / "2.fmu", platforms=[HERE])
 
 
@@ -262,15 +262,17 @@ def scan(tmp_path_factory: pytest.TempPathFactory) -> Scan:
 def scanned(folder: Path, path: Path, magnet: IdentifiedMagnet) -> Scan:
     rig = read_stage(path)
     setup = make_stage(rig, magnet, "full")
-    motion = motion_of(rig.settings.scan, [22.0, 12.0])
-    gains, count = Feedforward(0.999, 1e-6, 4e-9), ticks_of(rig, motion)
-    time = instants(rig, count + 1)
+    motion = scan_motion(rig.settings.scan, [22.0, 12.0])
+    gains, count = Feedforward(0.999, 1e-6, 4e-9), motion_ticks(rig, motion)
+    time = tick_times(rig, count + 1)
     load = 0.5 * np.sin(200.0 * time[:count])
-    reference = motion.at(time)[0]
+    reference = motion.derivatives_at(time)[0]
     inputs = {
         "reference_x_m": reference[:count],
-        "feedforward_x_N": fed_wrench(setup.believed, feed(setup, motion, gains))[:, 0],
-        "frame_x_m": (reference + stray(rig, motion, time))[1:],
+        "feedforward_x_N": feedforward_wrench(
+            setup.assumed_rig, feedforward_force(setup, motion, gains)
+        )[:, 0],
+        "frame_x_m": (reference + frame_stray(rig, motion, time))[1:],
         "load_N": load,
     }
     recording = track(setup, motion, gains, load=load)
@@ -416,13 +418,13 @@ PLANAR = stages.EXAMPLE.parent / "planar" / "rig.toml"
 
 def planar_made(folder: Path) -> None:
     """Fill a folder with the bundled stage of six axes, its ten magnets calibrated, and its FMU."""
-    found = {"payload": 0.01, **dict.fromkeys(CENTRE, 1e-4)}
+    found = {"payload": 0.01, **dict.fromkeys(CENTRE_PARAMETERS, 1e-4)}
     for number in range(1, 11):
         found |= {f"scale_{number}": 1e-3 * number, f"gap_zero_{number}_m": 1e-7 * number}
         found[f"width_{number}"] = 0.1 if number > 8 else 0.0
     (folder / "rig.toml").write_text(calibrated(PLANAR, folder, found))
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(stage_part, "identify_stage", lambda _: bearings.knowledge())
+        patched.setattr(stage_part, "identify_stage_magnet", lambda _: bearings.knowledge())
         for fmi in ("2.0", "3.0"):
             export_fmu(folder / "rig.toml", folder / f"{fmi[0]}.fmu", fmi=fmi, platforms=[HERE])
 
@@ -433,14 +435,16 @@ def scanned_by_axes(
     """Lift the body, take it through a turnaround while the long stroke strays."""
     rig = read_stage(rig_path)
     setup = make_stage(rig, magnet or bearings.knowledge(), "full")
-    motion = motion_of(rig.settings.scan, [peak])
-    gains, count = Feedforward(0.999, 1e-6, 4e-9), ticks_of(rig, motion)
-    time, along = instants(rig, count + 1), scan_direction(rig.settings)
-    reference = motion.at(time)[0]
+    motion = scan_motion(rig.settings.scan, [peak])
+    gains, count = Feedforward(0.999, 1e-6, 4e-9), motion_ticks(rig, motion)
+    time, along = tick_times(rig, count + 1), scan_direction(rig.settings)
+    reference = motion.derivatives_at(time)[0]
     each = {
         ("reference", "m", "rad"): np.outer(reference[:count], along),
-        ("feedforward", "N", "N_m"): fed_wrench(setup.believed, feed(setup, motion, gains)),
-        ("frame", "m", "rad"): np.outer(reference + stray(rig, motion, time), along)[1:],
+        ("feedforward", "N", "N_m"): feedforward_wrench(
+            setup.assumed_rig, feedforward_force(setup, motion, gains)
+        ),
+        ("frame", "m", "rad"): np.outer(reference + frame_stray(rig, motion, time), along)[1:],
     }
     inputs = {
         f"{name}_{axis}_{units[axis.startswith('r')]}": rows[:, place].tolist()
@@ -459,7 +463,7 @@ def planar(tmp_path_factory: pytest.TempPathFactory) -> Scan:
 def test_three_magnets_in_double_precision_on_a_body_of_two_coordinates_are_a_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stage_part, "identify_stage", lambda _: bearings.knowledge())
+    monkeypatch.setattr(stage_part, "identify_stage_magnet", lambda _: bearings.knowledge())
     rig = three_magnets(tmp_path)
     rig.write_text(rig.read_text().replace('format = "fixed"', 'format = "f64"'))
     scan = scanned_by_axes(export_fmu(rig, tmp_path / "t.fmu", platforms=[HERE]), rig, 14.0)
@@ -478,9 +482,12 @@ def test_six_axes_and_ten_calibrated_magnets_move_as_the_simulation_does_bit_for
 ) -> None:
     """All but the pose as it was read: the recording sums its heads in another order."""
     run, free = planar.recording, read_stage(PLANAR).settings.body.free
-    at_the_tick = [*demand_columns(free), *of_magnets([("gap_read", "m"), ("command", "A")], 1, 10)]
-    after_it = ["force_N", *of_magnets([("gap", "m"), ("current", "A")], 1, 10)]
-    poses = [f"pose_{axis}_{unit_of(axis)}" for axis in free]
+    at_the_tick = [
+        *demand_columns(free),
+        *magnet_columns([("gap_read", "m"), ("command", "A")], 1, 10),
+    ]
+    after_it = ["force_N", *magnet_columns([("gap", "m"), ("current", "A")], 1, 10)]
+    poses = [f"pose_{axis}_{axis_unit(axis)}" for axis in free]
     names = (*at_the_tick, *after_it, *poses, *pose_columns(free))
     with slave(planar.path, tmp_path) as made:
         rows = np.array(made.run(planar.inputs, names, TICK))
@@ -495,7 +502,7 @@ def test_six_axes_and_ten_calibrated_magnets_move_as_the_simulation_does_bit_for
     for name in after_it:
         assert np.array_equal(found[name][:-1], run[name][1:]), name
     for name, error, axis in zip(poses, error_columns(free), free, strict=True):
-        wanted = planar.inputs[f"reference_{axis}_{unit_of(axis)}"]
+        wanted = planar.inputs[f"reference_{axis}_{axis_unit(axis)}"]
         assert np.array_equal((wanted[1:] - found[name][:-1]), run[error][1:]), name
     for name in pose_columns(free):
         assert found[name] == pytest.approx(run[name], rel=0.0, abs=1e-15)
@@ -510,7 +517,7 @@ def test_six_axes_lift_off_and_land_at_a_command_as_the_simulation_does_bit_for_
     rig, up, down, count = read_stage(planar.path.with_name("rig.toml")), 200, 4000, 8000
     setup = make_stage(rig, bearings.knowledge(), "full")
     free, still = rig.settings.body.free, np.zeros(count)
-    frame, forward = np.zeros((count + 1, len(free))), fed_wrench(setup.believed, still)
+    frame, forward = np.zeros((count + 1, len(free))), feedforward_wrench(setup.assumed_rig, still)
     scenario = Scenario(frame[:count], feed=forward, frame=frame)
     scenario.command[[0, up, down]] = Command.IDLE, Command.LIFT, Command.LAND
     run = SimulatedLoop(setup).run(scenario)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import anhyst
-from anhyst_exchange.exporter import Of, export_fmu
+from anhyst_exchange.exporter import ExportedPart, export_fmu
 from anhyst_exchange.part import FmiVersion
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import needs_binary
@@ -34,7 +34,9 @@ def findings(path: Path) -> tuple[str | None, list[str]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 @pytest.mark.parametrize("of", ["compensator", "actuator"])
-def test_models_break_no_rule(of: Of, fmi: FmiVersion, fmu: Fmu, identified: anhyst.Model) -> None:
+def test_models_break_no_rule(
+    of: ExportedPart, fmi: FmiVersion, fmu: Fmu, identified: anhyst.Model
+) -> None:
     model = identified if of == "compensator" else magnet("effective-field", "reluctance")
     assert findings(fmu(model, of, fmi)) == (fmi, [])
 

@@ -18,7 +18,7 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import FixedTwin
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.support.numeric import FloatArray
-from anhyst_exchange.exporter import Of, export_fmu, export_tables
+from anhyst_exchange.exporter import ExportedPart, export_fmu, export_tables
 from anhyst_exchange.part import FmiVersion
 from tests.cli.command import quick as run
 from tests.core.test_c_core import tool
@@ -148,7 +148,7 @@ def test_it_ticks_at_its_own_rate_whatever_the_step(files: Versions, tmp_path: P
 @pytest.mark.slow
 @pytest.mark.parametrize("of", ["compensator", "actuator"])
 def test_its_sources_compile_without_a_warning(
-    of: Of, fmu: Fmu, model: anhyst.Model, tmp_path: Path
+    of: ExportedPart, fmu: Fmu, model: anhyst.Model, tmp_path: Path
 ) -> None:
     for version in ("2.0", "3.0"):
         folder = tmp_path / version

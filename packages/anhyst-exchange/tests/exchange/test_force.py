@@ -13,9 +13,9 @@ from anhyst_exchange.exporter import export_fmu, export_sfunction
 from anhyst_exchange.part import FmiVersion
 from anhyst_rigs.rig.bench.force import run_firmware
 from anhyst_rigs.rig.case_table import ForceCase, MovingCase
-from anhyst_rigs.rig.force.bench import RECORDED, ActuatorStand, moving_gap, triangle
-from anhyst_rigs.rig.force.file import READ, Rig, read_rig
-from anhyst_rigs.rig.force.programs import ticks_that_differ
+from anhyst_rigs.rig.force.bench import BENCH_COLUMNS, ActuatorStand, moving_gap, triangle_demand
+from anhyst_rigs.rig.force.file import SENSOR_ORDER, ForceControlRig, read_rig
+from anhyst_rigs.rig.force.programs import count_differing_ticks
 from anhyst_rigs.study.force_control import build_program
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.exchange.test_checker import findings
@@ -29,7 +29,7 @@ SHAPE = ForceCase(kind="force", name="wide", low=0.05, high=0.95, period_s=0.4, 
 SEED = [2, 0]
 
 
-def copied(folder: Path) -> Rig:
+def copied(folder: Path) -> ForceControlRig:
     """Copy the bundled solenoid; return it as it is read."""
     for name in ("rig.toml", "solenoid.toml", "loops.csv", "loops.toml"):
         (folder / name).write_bytes((EXAMPLE / name).read_bytes())
@@ -44,24 +44,24 @@ def test_it_drives_and_pulls_as_the_firmware_at_the_virtual_bench_bit_for_bit(
 ) -> None:
     """Of a rig whose loops are of several gaps, and of one whose compensator knows one alone."""
     rig, model = copied(tmp_path), truth("solenoid-three-gaps" if moves else "solenoid-end")
-    monkeypatch.setattr(force_part, "find_model", lambda *_: model)
+    monkeypatch.setattr(force_part, "identify_force_model", lambda *_: model)
     rate = rig.settings.timing.rate_Hz
     program = build_program("full", model, rate, "library", tmp_path / "program")
-    demand = triangle(SHAPE, rig.settings.force.force_max_N, rate)
+    demand = triangle_demand(SHAPE, rig.settings.force.force_max_N, rate)
     gap = np.full(demand.force.size, rig.settings.force.end_m)
     if moves:
         motion = MovingCase(kind="moving", low_m=1.0e-3, high_m=2.4e-3, period_s=0.3)
         gap = moving_gap(motion, gap.size, rate)
     recording, session = run_firmware(
-        rig, program, ActuatorStand(rig, SEED), gap, demand, "library", demagnetised=True
+        rig, program, ActuatorStand(rig, SEED), gap, demand, "library", is_demagnetised=True
     )
-    assert ticks_that_differ(program, session) == 0
-    sensors, ticks = rig.instruments(SEED), session.first + gap.size
-    noise = np.column_stack([sensors[name].noise(ticks) for name in READ])
-    columns = (demand.force, gap, *noise[session.first :].T)
+    assert count_differing_ticks(program, session) == 0
+    sensors, ticks = rig.make_sensors(SEED), session.first_run_tick + gap.size
+    noise = np.column_stack([sensors[name].noise(ticks) for name in SENSOR_ORDER])
+    columns = (demand.force, gap, *noise[session.first_run_tick :].T)
     names = ("demand_N", "gap_m", "gap_noise_m", "force_noise_N", "current_noise_A")
     export_fmu(tmp_path / "rig.toml", tmp_path / "valve.fmu", platforms=[HERE])
-    shown = [name for name in RECORDED if name not in {"t_s", "gap_m"}]
+    shown = [name for name in BENCH_COLUMNS if name not in {"t_s", "gap_m"}]
     with slave(tmp_path / "valve.fmu", tmp_path / "unpacked") as made:
         inputs = dict(zip(names, columns, strict=True))
         found = np.array(made.run(inputs, shown, rig.dt)).T
@@ -88,8 +88,8 @@ def test_solid_iron_goes_along_in_its_time_and_a_state_over_to_another_instance(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig = read_rig(rig_in(tmp_path))
-    monkeypatch.setattr(force_part, "find_model", lambda *_: truth("electromagnet"))
-    monkeypatch.setattr(force_part, "loops_of_rig", lambda _: None)
+    monkeypatch.setattr(force_part, "identify_force_model", lambda *_: truth("electromagnet"))
+    monkeypatch.setattr(force_part, "read_rig_loops", lambda _: None)
     monkeypatch.setattr(force_part, "complete_rig", lambda rig, _: rig)
     export_fmu(tmp_path / "rig.toml", tmp_path / "magnet.fmu", fmi="3.0", platforms=[HERE])
     ticks, shown = 400, ["command_A", "current_A", "force_N"]
@@ -107,7 +107,7 @@ def test_solid_iron_goes_along_in_its_time_and_a_state_over_to_another_instance(
         there = made.run(rest, shown, rig.dt, ticks * rig.dt)
         other.restore(other.from_bytes(state))
         assert other.run(rest, shown, rig.dt, ticks * rig.dt) == there
-    alone = rig.plant().run(
+    alone = rig.make_plant().run(
         np.concatenate([[0.0], command[:-1]]), inputs["gap_m"], np.zeros((ticks, 3))
     )
     assert np.array_equal(alone[:, 0], current)
@@ -120,7 +120,7 @@ def test_the_command_writes_a_block_and_refuses_what_is_of_a_model(
 ) -> None:
     copied(tmp_path)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(force_part, "find_model", lambda *_: truth("solenoid-end"))
+    monkeypatch.setattr(force_part, "identify_force_model", lambda *_: truth("solenoid-end"))
     assert main(["export", "rig.toml", "--as", "simulink", "--rate", "1e3", "-o", "block"]) == 2
     assert says(capsys.readouterr().err, "option-not-for-this: --rate")
     assert main(["export", "rig.toml", "--as", "simulink", "--out", "block"]) == 0
@@ -137,6 +137,6 @@ def test_it_breaks_no_rule_of_the_standard(
     fmi: FmiVersion, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     copied(tmp_path)
-    monkeypatch.setattr(force_part, "find_model", lambda *_: truth("solenoid-three-gaps"))
+    monkeypatch.setattr(force_part, "identify_force_model", lambda *_: truth("solenoid-three-gaps"))
     made = export_fmu(tmp_path / "rig.toml", tmp_path / "valve.fmu", fmi=fmi, platforms=[])
     assert findings(made) == (fmi, [])

@@ -11,7 +11,7 @@ import pytest
 
 import anhyst
 import anhyst_exchange
-from anhyst_exchange.exporter import Of
+from anhyst_exchange.exporter import ExportedPart
 from anhyst_exchange.part import FmiVersion
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import Slave, fmi2, needs_binary, slave
@@ -124,7 +124,7 @@ def test_bytes_of_another_fmu_are_no_state(
 
 @pytest.mark.parametrize("of", ["compensator", "actuator"])
 def test_a_thousand_instances_leave_nothing_behind(
-    of: Of, fmu: Fmu, identified: anhyst.Model, model: anhyst.Model, tmp_path: Path
+    of: ExportedPart, fmu: Fmu, identified: anhyst.Model, model: anhyst.Model, tmp_path: Path
 ) -> None:
     def resident() -> int:
         return 4096 * int(Path("/proc/self/statm").read_text().split()[1])

@@ -14,9 +14,9 @@ import anhyst_exchange
 from anhyst.support.numeric import FloatArray
 from anhyst_exchange import piezo_part
 from anhyst_exchange.exporter import export_fmu, export_sfunction
-from anhyst_rigs.rig.piezo import SEED
+from anhyst_rigs.rig.piezo import NOISE_SEED
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.study.piezo import follow, reference
+from anhyst_rigs.study.piezo import follow_reference, make_reference
 from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.exchange.test_sfunction import beside, built, complaint, simulated
@@ -46,10 +46,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def scan() -> tuple[dict[str, FloatArray], Recording]:
     """Return what goes into an FMU for the simulated run, and that."""
-    target, sensor = reference(piezos.rig()), piezos.rig().settings.position_sensor
-    noise = sensor.noise_m * np.random.default_rng(SEED).standard_normal(target.size)
+    target, sensor = make_reference(piezos.rig()), piezos.rig().settings.position_sensor
+    noise = sensor.noise_m * np.random.default_rng(NOISE_SEED).standard_normal(target.size)
     inputs = {"reference_m": target, "position_noise_m": noise}
-    return inputs, follow(piezos.rig(), target, piezos.inverses()["full"])
+    return inputs, follow_reference(piezos.rig(), target, piezos.inverses()["full"])
 
 
 def part(begin: int, end: int) -> dict[str, FloatArray]:

@@ -13,7 +13,7 @@ import pytest
 import anhyst
 from anhyst.support.numeric import FloatArray
 from anhyst_exchange import stage_part
-from anhyst_exchange.exporter import SAME_BITS, export_fmu, export_sfunction
+from anhyst_exchange.exporter import REPRODUCIBLE_OPTIONS, export_fmu, export_sfunction
 from tests.cli.command import quick as run
 from tests.core.test_c_core import quietly, tool
 from tests.exchange.slave import HERE, RATE, fmpy, needs_binary, slave
@@ -42,7 +42,7 @@ def built(folder: Path) -> Path:
     warnings = ("-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror")
     stops = ("-fsanitize=float-cast-overflow", "-fsanitize-undefined-trap-on-error")
     quietly(
-        *(tool("cc", "gcc", "clang"), "-std=c99", "-O2", *SAME_BITS, *warnings, *stops),
+        *(tool("cc", "gcc", "clang"), "-std=c99", "-O2", *REPRODUCIBLE_OPTIONS, *warnings, *stops),
         *("-DMATLAB_MEX_FILE", f"-DS_FUNCTION_NAME={name}", "-o", str(program)),
         *(f"-I{place}" for place in (INTERFACE, folder / "src", folder / "src" / "include")),
         *(str(folder / "src" / file) for file in files),
@@ -132,7 +132,7 @@ def test_a_rig_moves_as_its_fmu_does(
         path = made_once(tmp_path_factory, "fmu-planar", planar_made) / "2.fmu"
         rig = path.with_name("rig.toml")
         inputs |= {"feedforward_z_N": 196.0 + 0.0 * away, "reference_ry_rad": away}
-    monkeypatch.setattr(stage_part, "identify_stage", lambda _: bearings.knowledge())
+    monkeypatch.setattr(stage_part, "identify_stage_magnet", lambda _: bearings.knowledge())
     program = built(export_sfunction(rig, tmp_path / "s"))
     about = fmpy.read_model_description(path).modelVariables
     shown, ports = (

@@ -14,7 +14,7 @@ import pytest
 import anhyst
 from anhyst.support.numeric import FloatArray
 from anhyst_exchange import stage_part
-from anhyst_exchange.exporter import Of, compile_all, export_fmu
+from anhyst_exchange.exporter import ExportedPart, compile_all, export_fmu
 from tests.core.test_c_core import quietly, tool
 from tests.exchange import test_piezo
 from tests.exchange.conftest import Fmu
@@ -37,7 +37,7 @@ LOADER = Path(__file__).with_name("windows") / "load.c"
 @pytest.mark.slow
 @pytest.mark.parametrize("of", ["actuator", "compensator"])
 def test_the_library_for_windows_gives_the_same_bits(
-    of: Of, fmu: Fmu, identified: anhyst.Model, tmp_path: Path
+    of: ExportedPart, fmu: Fmu, identified: anhyst.Model, tmp_path: Path
 ) -> None:
     if of == "actuator":
         model = magnet("play-cells", "reluctance")
@@ -96,7 +96,7 @@ def in_both(
 def test_a_stage_of_ten_magnets_is_linked_for_windows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stage_part, "identify_stage", lambda _: bearings.knowledge())
+    monkeypatch.setattr(stage_part, "identify_stage_magnet", lambda _: bearings.knowledge())
     fmu = export_fmu(PLANAR, tmp_path / "p.fmu", platforms=[WINDOWS])
     with zipfile.ZipFile(fmu) as archive:
         assert archive.read("binaries/win64/anhyst.dll")[:2] == b"MZ"

@@ -102,7 +102,7 @@ def test_a_drafted_folder_can_be_moved(tmp_path: Path) -> None:
     moved = (tmp_path / "my").rename(tmp_path / "elsewhere")
     rig, controller = read_bearing(moved / "rig.toml"), read_controller(moved / "controller.toml")
     check_controller(controller, rig)
-    loops = rig.measured.read()
+    loops = rig.measured_loops.read()
     assert list(loops.by_schedule()) == [0.3e-3, 0.5e-3]
 
 
@@ -112,7 +112,7 @@ def test_several_files_and_folders_are_taken(tmp_path: Path) -> None:
         (tmp_path / place).write_text(loops_text(gap))
     my = init(tmp_path, "near", "far.csv")
     rig = read_bearing(my / "rig.toml")
-    assert list(rig.measured.read().by_schedule()) == [0.3e-3, 0.4e-3, 0.5e-3]
+    assert list(rig.measured_loops.read().by_schedule()) == [0.3e-3, 0.4e-3, 0.5e-3]
 
 
 def test_two_files_of_one_name_are_refused(tmp_path: Path) -> None:
@@ -136,7 +136,7 @@ def test_how_loops_are_read_goes_into_the_rig(tmp_path: Path) -> None:
     }
     shutil.rmtree(my)
     init(tmp_path, "loops.csv", "--sidecar", "columns.toml")
-    assert read_bearing(my / "rig.toml").measured.read().output.name == "force"
+    assert read_bearing(my / "rig.toml").measured_loops.read().output.name == "force"
 
 
 def test_what_is_there_is_not_written_over(tmp_path: Path) -> None:

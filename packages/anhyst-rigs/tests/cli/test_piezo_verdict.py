@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
-from anhyst_rigs.study.piezo import WORTH_IT, judge_ratio
+from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
+from anhyst_rigs.study.piezo import MAX_WORTHWHILE_RATIO, judge_ratio
 
 
 @pytest.mark.parametrize(("share", "worth"), [(0.24, True), (1.2, False)])
 def test_a_piezo_stage_that_gains_little_names_where_it_would_pay(
     share: float, worth: bool
 ) -> None:
-    assert (WHERE_IT_PAYS["piezo"] in judge_ratio(share * WORTH_IT).text) != worth
+    assert (
+        BENEFICIAL_CONDITIONS["piezo"] in judge_ratio(share * MAX_WORTHWHILE_RATIO).text
+    ) != worth

@@ -118,7 +118,7 @@ def test_calibrate_ends_with_1_and_writes_nothing_where_nothing_is_learnt(
 ) -> None:
     gently = replace(training(), peaks=(0.5, 0.5), speed=0.01)
     track(setup("full"), gently, Feedforward(), 1).save(folder / "run.csv")
-    monkeypatch.setattr(calibration, "identify_stage", lambda _: bearings.knowledge())
+    monkeypatch.setattr(calibration, "identify_stage_magnet", lambda _: bearings.knowledge())
     place = folder / "calibration.toml"
     given = (folder / "rig.toml", folder / "run.csv", "--out", place)
     assert cli.main(["calibrate", *map(str, given)]) == 1
@@ -140,7 +140,7 @@ def test_calibrate_says_what_was_learnt_and_writes_what_a_rig_file_can_name(fold
     assert "run.csv" in refused("simulate", "rig.toml", "--out", "again.csv", cwd=folder)
     change(folder / "rig.toml", '"run.csv"', '"calibration.toml"')
     rig = read_stage(folder / "rig.toml")
-    found = rig.learnt("full")
+    found = rig.method_calibration("full")
     assert found is not None
     assert found.value("lag_s") > 20e-6
     assert says(

@@ -17,10 +17,15 @@ from anhyst.cli.app import main
 from anhyst.compilation.compiled_stage import CompiledStage
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst_rigs.rig.drift import Drift
-from anhyst_rigs.rig.stage.fitted import fit_method, make_stage
-from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, axes_controller, track
-from anhyst_rigs.rig.stage.setpoint import motion_of
-from anhyst_rigs.study.tracking.compiled import COMMAND_ROWS, ROWS, compiled_rig, write_stage
+from anhyst_rigs.rig.stage.fitted import fit_method_compensator, make_stage
+from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, make_axes_controller, track
+from anhyst_rigs.rig.stage.setpoint import scan_motion
+from anhyst_rigs.study.tracking.compiled import (
+    MAX_FLIGHT_ROWS,
+    ROWS_PER_COMMAND,
+    compiled_rig,
+    write_stage,
+)
 from tests.compilation.packaged import undrawn  # noqa: F401 - a fixture
 from tests.compilation.test_controller import WARNINGS, played
 from tests.core.test_c_core import tool
@@ -30,7 +35,7 @@ from tests.study import bearings, stages
 from tests.study.test_axes import planar
 from tests.study.test_solid_stage import late, solid
 
-FLOWN = ROWS - 3 * COMMAND_ROWS
+FLOWN = MAX_FLIGHT_ROWS - 3 * ROWS_PER_COMMAND
 """Ticks before the commands in the end."""
 EXAMPLES = ROOT / "examples"
 
@@ -52,11 +57,11 @@ def single(
 ) -> StageSetup:
     """Return an example in single precision or fixed point, its magnets known without a search."""
     rig = planar() if has_six else stages.stage()
-    rig = replace(rig, settings=rig.settings.changed({"control.format": number_format}))
-    return replace(make_stage(rig, bearings.knowledge(), method), law=law)
+    rig = replace(rig, settings=rig.settings.with_changes({"control.format": number_format}))
+    return replace(make_stage(rig, bearings.knowledge(), method), number_format=law)
 
 
-def replays(folder: Path, rows: int = ROWS) -> None:
+def replays(folder: Path, rows: int = MAX_FLIGHT_ROWS) -> None:
     """Its own example, compiled as strictly as the core, plays its vectors without a difference."""
     sources = sorted(str(file) for file in folder.rglob("*.c"))
     options = [*WARNINGS.split(), "-ffp-contract=off", f"-I{folder / 'include'}"]
@@ -75,7 +80,7 @@ def replays(folder: Path, rows: int = ROWS) -> None:
 def flown(setup: StageSetup, number: int) -> np.ndarray:
     """Return the currents of a magnet in the simulated flight."""
     scan = setup.rig.settings.scan
-    run = track(setup, motion_of(scan, scan.test_m_per_s2), Feedforward())
+    run = track(setup, scan_motion(scan, scan.test_m_per_s2), Feedforward())
     return run["command_A" if number == 1 else f"command_{number}_A"][:FLOWN]
 
 
@@ -108,12 +113,12 @@ def test_a_lost_magnet_is_compiled_to_the_bit(
     number_format: NumberFormat, law: NumberFormat, tmp_path: Path
 ) -> None:
     setup = single(True, "full", number_format, law)
-    watched = setup.rig.settings.changed({"control.lost_A": 0.25})
+    watched = setup.rig.settings.with_changes({"control.lost_A": 0.25})
     compiled = folder_of(replace(setup, rig=replace(setup.rig, settings=watched)), tmp_path)
     replays(compiled.out)
     lost, state = compiled.vectors["lost"], compiled.vectors["state"]
     found = int(np.argmax(lost > 0))
-    assert ROWS - 200 < found < ROWS - 190
+    assert MAX_FLIGHT_ROWS - 200 < found < MAX_FLIGHT_ROWS - 190
     assert not lost[:found].any()
     assert (lost[found:].astype(int) & 1).all()
     assert (state[found:-60] == 1).all()
@@ -153,12 +158,18 @@ def test_what_calibration_found_of_each_magnet_is_compiled(
     number_format: NumberFormat, tmp_path: Path
 ) -> None:
     setup = single(True, "full", number_format)
-    other = fit_method(setup.rig, bearings.knowledge(), "full", 0.05)
+    other = fit_method_compensator(setup.rig, bearings.knowledge(), "full", 0.05)
     rows = np.tile([1.0, 0.0, 1.0, 0.0], (10, 1))
     rows[1], rows[8] = [1.01, 1e-6, 1.0, 0.0], [0.99, -2e-6, 1.0, 0.0]
     own = tuple(other if number == 3 else setup.compensator for number in range(10))
     drift = Drift(pinning=0.0)
-    corrected = replace(setup, correction=rows, own=own, drift=drift, body={"payload": 0.01})
+    corrected = replace(
+        setup,
+        correction_rows=rows,
+        own_compensators=own,
+        drift=drift,
+        body_corrections={"payload": 0.01},
+    )
     compiled = folder_of(corrected, tmp_path)
     replays(compiled.out)
     assert (compiled.out / "stage_2_parameters.c").is_file()
@@ -172,14 +183,14 @@ def test_what_calibration_found_of_each_magnet_is_compiled(
 @pytest.mark.slow
 def test_layers_of_solid_iron_are_compiled_in_fixed_point_too(tmp_path: Path) -> None:
     made = make_stage(solid(**{"control.format": "fixed"}), late(), "full")
-    replays(folder_of(replace(made, law="f32"), tmp_path).out)
+    replays(folder_of(replace(made, number_format="f32"), tmp_path).out)
 
 
 def test_the_rig_file_says_in_which_format_a_magnet_reckons() -> None:
     compiled = {}
     for said in ("f64", "f32", "fixed"):
         rig = planar()
-        rig = replace(rig, settings=rig.settings.changed({"control.format": said}))
+        rig = replace(rig, settings=rig.settings.with_changes({"control.format": said}))
         compiled[said] = compiled_rig(rig).settings.tracking.format
     assert compiled == {"f64": "f32", "f32": "f32", "fixed": "fixed"}
 
@@ -187,8 +198,8 @@ def test_the_rig_file_says_in_which_format_a_magnet_reckons() -> None:
 @pytest.mark.slow
 def test_fixed_point_is_within_two_nanometres_of_double_precision() -> None:
     scan = planar().settings.scan
-    motion = motion_of(scan, scan.test_m_per_s2)
-    wide = replace(single(True, "full", "f64"), law="f64")
+    motion = scan_motion(scan, scan.test_m_per_s2)
+    wide = replace(single(True, "full", "f64"), number_format="f64")
     expected = track(wide, motion, Feedforward())
     for law in ("f32", "fixed"):
         run = track(single(True, "full", "fixed", law), motion, Feedforward())
@@ -207,10 +218,10 @@ def test_feedforward_carries_the_body_and_accelerates_it(tmp_path: Path) -> None
 
 def test_a_flight_of_fewer_ticks_than_are_kept_is_compiled_whole(tmp_path: Path) -> None:
     setup = single(True, "single-valued")
-    slow = setup.rig.settings.changed({"timing.rate_Hz": 2e3, "control.crossover_Hz": 60.0})
+    slow = setup.rig.settings.with_changes({"timing.rate_Hz": 2e3, "control.crossover_Hz": 60.0})
     known = bearings.knowledge()
     made = make_stage(replace(setup.rig, settings=slow), known, "single-valued")
-    compiled = folder_of(replace(made, law="f32"), tmp_path)
+    compiled = folder_of(replace(made, number_format="f32"), tmp_path)
     rows = len(compiled.vectors["flags"])
     assert 500 < rows < 1000
     replays(compiled.out, rows)
@@ -222,10 +233,10 @@ def test_a_flight_of_fewer_ticks_than_are_kept_is_compiled_whole(tmp_path: Path)
 def test_readings_that_cannot_be_are_flagged_and_move_no_integral(
     law: Literal["f32", "f64"], number_format: NumberFormat
 ) -> None:
-    setup = replace(single(True, "single-valued", number_format), law=law)
-    controller, gaps = axes_controller(setup), [0.45e-3] * 10
+    setup = replace(single(True, "single-valued", number_format), number_format=law)
+    controller, gaps = make_axes_controller(setup), [0.45e-3] * 10
     forward, true = [0.0, 0.0, 20.0 * 9.81, 0.0, 0.0, 0.0], [2e-7] * 6
-    other = axes_controller(setup)
+    other = make_axes_controller(setup)
     none = [math.nan] * 10
     *held, _, _, _ = controller.tick(true, forward, gaps, none)
     other.tick(true, forward, gaps, none)

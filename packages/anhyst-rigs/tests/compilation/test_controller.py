@@ -16,7 +16,7 @@ import pytest
 from anhyst.cli.app import main
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import Compiled, compile_model
-from anhyst.compilation.vectors import INPUTS, LEVITATION_COLUMNS
+from anhyst.compilation.vectors import LEVITATION_COLUMNS, LEVITATION_INPUT_COUNT
 from anhyst.control.controller_file import read_controller
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import read_model
@@ -25,7 +25,7 @@ from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
-from anhyst_rigs.rig.loop import DROP, Scenario, SimulatedLoop
+from anhyst_rigs.rig.loop import DROP_SAMPLE_BIT, Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
 from tests.compilation.packaged import undrawn  # noqa: F401 - a fixture
 from tests.compilation.test_compile import compiles_alone_on_16_bits, sources_of
@@ -168,7 +168,7 @@ def eventful(setup: BearingSetup) -> Scenario:
     gap = setup.rig.settings.gap_m
     script = ScenarioBuilder(setup.rig, gap).lift_off(setup.controller)
     script.step(gap - 20e-6, 0.02).step(gap + 30e-6, 0.02)
-    script.command(DROP, 2).hold(0.01)
+    script.command(DROP_SAMPLE_BIT, 2).hold(0.01)
     script.command(Command.LAND)
     return script.hold(0.35).build()
 
@@ -272,7 +272,7 @@ def test_the_manifest_reports_what_the_codes_mean(compiled: Compiled) -> None:
         assert found
         assert float(found[1]) == value
     assert controller["signals"]["position"]["zero_gap"] == pytest.approx(0.45e-3)
-    assert LEVITATION_COLUMNS.index("drive_1") == INPUTS
+    assert LEVITATION_COLUMNS.index("drive_1") == LEVITATION_INPUT_COUNT
 
 
 def test_fragments_for_make_and_cmake_name_its_source(compiled: Compiled, tmp_path: Path) -> None:

@@ -12,12 +12,12 @@ import pytest
 from anhyst._core import FixedAxes, FixedWrench, TrackingAxes, WrenchLayout
 from anhyst.compensate.force_controller import ForceController
 from anhyst.control.fixed_axes import (
-    Drives,
+    DriveLayout,
     FixedController,
-    codes,
-    feed_rows,
-    fixed_axes,
-    fixed_wrench,
+    make_feedforward_rows,
+    make_fixed_allocation,
+    make_fixed_controller,
+    signal_codes,
 )
 from anhyst.control.position import Allocation
 from anhyst.support.numeric import FloatArray
@@ -30,7 +30,7 @@ UNIT = 8.0 * FORCE / FULL
 """A last place of a force inside, N."""
 
 
-def drawn(rng: np.random.Generator) -> Drives | None:
+def drawn(rng: np.random.Generator) -> DriveLayout | None:
     """Return drives that stand anywhere, some in pairs; None where they push along no axis or two."""
     axes, count = int(rng.integers(1, 7)), int(rng.integers(2, 15))
     pull = rng.uniform(-1.0, 1.0, (count, axes))
@@ -42,12 +42,12 @@ def drawn(rng: np.random.Generator) -> Drives | None:
     if len(units) < axes or np.linalg.cond(units) > 30.0:
         return None
     yields = rng.choice([1e-2, 5e-3, 1e-3, 1e-4], axes).tolist()
-    return Drives(pull, against, yields, Allocation.CLASS_AB, 5.0, LEAST, MOST)
+    return DriveLayout(pull, against, yields, Allocation.CLASS_AB, 5.0, LEAST, MOST)
 
 
-def bodies(count: int, seed: int) -> list[Drives]:
+def bodies(count: int, seed: int) -> list[DriveLayout]:
     rng = np.random.default_rng(seed)
-    found: list[Drives] = []
+    found: list[DriveLayout] = []
     while len(found) < count:
         one = drawn(rng)
         if one is not None:
@@ -64,38 +64,38 @@ class Shared(NamedTuple):
     wide_made: bool
 
 
-def share(one: Drives, wrench: FloatArray, lost: list[int]) -> list[Shared]:
+def share(one: DriveLayout, wrench: FloatArray, lost: list[int]) -> list[Shared]:
     """Share out rows of wrenches, without drives that are lost."""
-    full = np.full(len(one.yields), 4096.0)
-    fixed = FixedWrench(*fixed_wrench(one, full, FORCE))
+    full = np.full(len(one.yield_weights), 4096.0)
+    fixed = FixedWrench(*make_fixed_allocation(one, full, FORCE))
     wide = WrenchLayout(
-        np.ascontiguousarray(one.pull), one.against, one.allocation, one.idle, one.least, one.most,
-        yields=one.yields,
+        np.ascontiguousarray(one.unit_wrench), one.opponents, one.allocation, one.idle_force,
+        one.force_min, one.force_max, yields=one.yield_weights,
     )  # fmt: skip
     for drive in lost:
         fixed.lose(drive)
         wide.lose(drive)
     found = []
     for row in wrench:
-        given = codes(row, full).astype(int).tolist()
+        given = signal_codes(row, full).astype(int).tolist()
         force, made = fixed.share(given)
         forces, wide_made = wide.share((np.array(given) / FULL * full).tolist())
         found.append(Shared(np.array(force) / FULL * FORCE, np.array(forces), made, wide_made))
     return found
 
 
-def missed(one: Drives, shared: Shared, wrench: FloatArray) -> float:
+def missed(one: DriveLayout, shared: Shared, wrench: FloatArray) -> float:
     """Return the largest part of the wrench that forces do not make, N."""
-    return float(np.abs(shared.force @ one.pull - wrench).max())
+    return float(np.abs(shared.force @ one.unit_wrench - wrench).max())
 
 
 def test_what_is_said_to_be_made_is_made_by_the_forces_of_double_precision() -> None:
     rng, agreed, worst, off = np.random.default_rng(3), 0, 0.0, 0.0
     for one in bodies(200, 11):
-        wrench = rng.uniform(0.0, 60.0, (12, len(one.pull))) @ one.pull
-        wrench = codes(wrench, 4096.0) / FULL * 4096.0
+        wrench = rng.uniform(0.0, 60.0, (12, len(one.unit_wrench))) @ one.unit_wrench
+        wrench = signal_codes(wrench, 4096.0) / FULL * 4096.0
         for row, shared in zip(wrench, share(one, wrench, []), strict=True):
-            alone = [k for k, other in enumerate(one.against) if k == other]
+            alone = [k for k, other in enumerate(one.opponents) if k == other]
             assert (shared.force[alone] >= LEAST - 2e-7).all()
             assert (shared.force >= 0.0).all()
             if shared.made and shared.force.max() < FORCE * 0.999:
@@ -111,19 +111,21 @@ def test_what_is_said_to_be_made_is_made_by_the_forces_of_double_precision() -> 
 def test_without_lost_drives_as_much_is_made_as_in_double_precision() -> None:
     rng, differ, count = np.random.default_rng(4), [], 0
     for one in bodies(150, 12):
-        lost = rng.choice(len(one.pull), int(rng.integers(1, 3)), replace=False).tolist()
-        wrench = rng.uniform(0.0, 60.0, (8, len(one.pull))) @ one.pull
+        lost = rng.choice(len(one.unit_wrench), int(rng.integers(1, 3)), replace=False).tolist()
+        wrench = rng.uniform(0.0, 60.0, (8, len(one.unit_wrench))) @ one.unit_wrench
         for row, shared in zip(wrench, share(one, wrench, lost), strict=True):
             assert not shared.force[lost].any()
             assert (shared.force <= FORCE).all()
             alone = [
-                k for k, other in enumerate(one.against)
+                k for k, other in enumerate(one.opponents)
                 if k not in lost and (other == k or other in lost)
             ]  # fmt: skip
             assert (shared.force[alone] >= LEAST - 2e-7).all()
             if shared.made:
                 assert missed(one, shared, row) < 2e-4
-            both = [float(np.abs(x @ one.pull - row).max()) for x in (shared.force, shared.wide)]
+            both = [
+                float(np.abs(x @ one.unit_wrench - row).max()) for x in (shared.force, shared.wide)
+            ]
             differ.append(both[0] - both[1])
             count += shared.made == shared.wide_made
     assert count > 0.99 * len(differ)
@@ -134,7 +136,7 @@ class Body(NamedTuple):
     """A controller of any body in both formats."""
 
     rows: dict[str, FloatArray]
-    drives: Drives
+    drives: DriveLayout
     settings: dict[str, float]
 
 
@@ -172,9 +174,9 @@ def pid_of(crossover: float, rate: float) -> list[float]:
     return [*(gain * one for one in numerator), *(one / denominator[0] for one in denominator[1:])]
 
 
-def body(one: Drives, rng: np.random.Generator) -> Body:
+def body(one: DriveLayout, rng: np.random.Generator) -> Body:
     """Return a body of any mass and centre, seen by some heads more than it has coordinates."""
-    axes = len(one.yields)
+    axes = len(one.yield_weights)
     at = np.vstack([np.eye(axes), rng.uniform(-1.0, 1.0, (int(rng.integers(0, 4)), axes))])
     apart = np.eye(axes) + np.triu(rng.uniform(-0.01, 0.01, (axes, axes)), 1)
     heads, reach = len(at), rng.uniform(1e-4, 4e-4, (axes, 1))
@@ -198,17 +200,17 @@ def body(one: Drives, rng: np.random.Generator) -> Body:
 
 def controllers(made: Body) -> tuple[FixedController, FixedAxes, TrackingAxes]:
     force, _ = magnet()
-    fixed = fixed_axes(made.rows, made.drives, made.settings)
-    drives, count = made.drives, len(made.drives.pull)
-    own = fixed.over([force.fresh().native for _ in range(count)], 2.0)
+    fixed = make_fixed_controller(made.rows, made.drives, made.settings)
+    drives, count = made.drives, len(made.drives.unit_wrench)
+    own = fixed.make_core([force.reset_copy().native for _ in range(count)], 2.0)
     layout = WrenchLayout(
-        np.ascontiguousarray(drives.pull), drives.against, drives.allocation, drives.idle,
-        drives.least, drives.most, yields=drives.yields,
+        np.ascontiguousarray(drives.unit_wrench), drives.opponents, drives.allocation, drives.idle_force,
+        drives.force_min, drives.force_max, yields=drives.yield_weights,
     )  # fmt: skip
     settings = {key: value for key, value in made.settings.items() if key != "idle"}
     full = {"flux_full": 2.0}
     wide = TrackingAxes(
-        [force.fresh().native for _ in range(count)],
+        [force.reset_copy().native for _ in range(count)],
         layout,
         made.rows | {"ground": np.zeros(0)},
         settings | full,
@@ -222,11 +224,11 @@ def test_the_wrench_of_any_body_is_that_of_double_precision() -> None:
     for one in bodies(30, 13):
         made = body(one, rng)
         fixed, own, wide = controllers(made)
-        scales, count = fixed.scales, len(one.pull)
+        scales, count = fixed.scales, len(one.unit_wrench)
         gap, read = [0] * count, [0] * count
         for _ in range(25):
-            head = codes(rng.uniform(-1e-8, 1e-8, len(made.rows["at"])), scales.head)
-            forward = codes(0.05 * scales.wrench, scales.wrench)
+            head = signal_codes(rng.uniform(-1e-8, 1e-8, len(made.rows["at"])), scales.head)
+            forward = signal_codes(0.05 * scales.wrench, scales.wrench)
             _, demand, *_ = own.tick(
                 head.astype(int).tolist(), forward.astype(int).tolist(), gap, read
             )
@@ -244,12 +246,16 @@ def test_the_wrench_of_any_body_is_that_of_double_precision() -> None:
 def test_what_the_heads_cannot_say_is_flagged_and_full_scale_saturates() -> None:
     made = body(bodies(1, 14)[0], np.random.default_rng(6))
     fixed, own, _ = controllers(made)
-    count, axes, heads = len(made.drives.pull), len(made.drives.yields), len(made.rows["at"])
+    count, axes, heads = (
+        len(made.drives.unit_wrench),
+        len(made.drives.yield_weights),
+        len(made.rows["at"]),
+    )
     none, most = [0] * count, int(FULL) - 1
     current, demand, flags, _, _ = own.tick([0] * heads, [most] * axes, none, none)
     assert demand == [most] * axes
     assert flags & 1
-    low, high = fixed.numbers["current_low"], fixed.numbers["current_high"]
+    low, high = fixed.integers["current_low"], fixed.integers["current_high"]
     assert all(low <= one <= high for one in current)
     for wrong in (most, -most, -int(FULL)):
         _, held, flags, _, _ = own.tick([wrong] * heads, [0] * axes, none, none)
@@ -262,8 +268,8 @@ def test_feedforward_is_the_wrench_of_mass_and_weight() -> None:
     scales, axes = fixed.scales, len(fixed.scales.wrench)
     mass = np.diag(np.full(axes, 3.0))
     weight = np.arange(axes, dtype=np.float64) - 2.0
-    numbers, shifts, carried = feed_rows(mass, weight, scales)
-    acceleration = codes(np.full(axes, 0.25) * scales.acceleration, scales.acceleration)
+    numbers, shifts, carried = make_feedforward_rows(mass, weight, scales)
+    acceleration = signal_codes(np.full(axes, 0.25) * scales.acceleration, scales.acceleration)
     moved = (numbers @ acceleration) / 2.0 ** shifts[:, 0]
     np.testing.assert_allclose(
         (moved - carried) / FULL * scales.wrench,
@@ -275,9 +281,9 @@ def test_feedforward_is_the_wrench_of_mass_and_weight() -> None:
 @pytest.mark.parametrize(("crossover", "code"), [(1e-3, "small"), (2e4, "large")])
 def test_gains_that_32_bits_do_not_hold_are_refused(crossover: float, code: str) -> None:
     made = body(bodies(1, 16)[0], np.random.default_rng(8))
-    rows = made.rows | {"pid": np.array([pid_of(crossover, 20e3)] * len(made.drives.yields))}
+    rows = made.rows | {"pid": np.array([pid_of(crossover, 20e3)] * len(made.drives.yield_weights))}
     if code == "large":
         rows["pid"][:, :3] *= 1e9
     key = "control.integral_ratio" if code == "small" else "control.crossover_Hz"
     with refused(f"too-{code}-for-fixed-point {key}"):
-        fixed_axes(rows, made.drives, made.settings)
+        make_fixed_controller(rows, made.drives, made.settings)

@@ -18,7 +18,7 @@ def recording(rows: int = 50) -> Recording:
     table = np.random.default_rng(2).normal(size=(rows, len(COLUMNS)))
     table[:, COLUMNS.index("t_s")] = np.arange(rows) / 20e3
     table[:, COLUMNS.index("state")] = 67.0
-    return Recording.of_table(table)
+    return Recording.from_table(table)
 
 
 @pytest.mark.first(3)
@@ -30,10 +30,10 @@ def test_a_recording_of_a_bearing_is_read_back_bit_for_bit(
     path, written = tmp_path / f"run{suffix}", recording(rows)
     write_recording(path, written.columns)
     back = read_columns(path)
-    units = back.opened.units or ("",) * len(back.opened.header)
+    units = back.source_table.units or ("",) * len(back.source_table.header)
     found = {
         split_header(name, unit)[0]: (unit or split_header(name)[1], values)
-        for name, unit, values in zip(back.opened.header, units, back.columns, strict=True)
+        for name, unit, values in zip(back.source_table.header, units, back.columns, strict=True)
     }
     for name, values in written.columns.items():
         plain, unit = split_header(name)

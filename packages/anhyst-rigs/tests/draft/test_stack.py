@@ -17,9 +17,9 @@ from anhyst.data import Loop, Loops
 from anhyst.data.path import History
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
-from anhyst_rigs.draft.piezo import FittedStack, fit_stack, hysteresis
+from anhyst_rigs.draft.piezo import FittedStack, bouc_wen_state, fit_stack
 from anhyst_rigs.rig.piezo import read_piezo_rig
-from anhyst_rigs.study.piezo import reference, track
+from anhyst_rigs.study.piezo import make_reference, simulate_tracking
 from tests.refusals import refused
 from tests.repository import ROOT
 
@@ -70,7 +70,7 @@ def test_the_hysteresis_in_closed_form_is_that_of_the_plant(ratio: float) -> Non
         **{"step": 1.0, "steps": 1},
     }
     stepped = -PiezoMotion(numbers, np.zeros(0), np.zeros(0)).run(np.append(drive, drive[-1]))[1:]
-    closed = hysteresis(drive, 3.0, ratio)
+    closed = bouc_wen_state(drive, 3.0, ratio)
     assert np.max(np.abs(closed - stepped)) < 1e-3 * np.ptp(stepped)
 
 
@@ -94,11 +94,11 @@ def test_creep_is_found_where_loops_have_times_and_show_it() -> None:
     answer = plant(fine, dt / 20, (0.01, 0.015))[::20]
     drive, time = drive[:-1], dt * np.arange(float(answer.size))
     timed = fit_stack(loops(drive, answer, time))
-    assert timed.rms < 0.6 * timed.still_rms
+    assert timed.rms < 0.6 * timed.rms_without_creep
     assert 0.01 < sum(timed.creep_shares) < 0.05
     untimed = fit_stack(loops(drive, answer))
-    assert (untimed.creep_times, untimed.timed) == ((), False)
-    assert untimed.rms == pytest.approx(timed.still_rms, rel=0.2)
+    assert (untimed.creep_times, untimed.has_times) == ((), False)
+    assert untimed.rms == pytest.approx(timed.rms_without_creep, rel=0.2)
 
 
 def test_what_is_no_stack_is_refused() -> None:
@@ -163,9 +163,9 @@ def test_loops_that_excite_designs_give_the_stage_back(tmp_path: Path) -> None:
     ):
         assert getattr(stack, key) == pytest.approx(getattr(own.settings.stack, key), rel=rel)
     # The stage with the fitted stack is as hard to compensate as the one that was measured.
-    other = replace(own, settings=own.settings.replaced(own.settings.stack, stack))
+    other = replace(own, settings=own.settings.with_table_replaced(own.settings.stack, stack))
     for way in ("none", "full"):
-        errors = [track(one).errors[way]["rms_m"] for one in (own, other)]
+        errors = [simulate_tracking(one).errors[way]["rms_m"] for one in (own, other)]
         assert errors[1] == pytest.approx(errors[0], rel=0.1)
 
 
@@ -181,7 +181,7 @@ def test_a_real_stack_becomes_a_stage_that_compensation_is_worth_on(
     assert stack.stroke == pytest.approx(45.8e-6, rel=0.01)  # without the spike at its begin
     anhyst_rigs.init(tmp_path / "my", [source], columns=columns)
     rig = read_piezo_rig(tmp_path / "my" / "rig.toml")
-    assert reference(rig).min() > stack.remains
-    tracked = track(rig)
+    assert make_reference(rig).min() > stack.remains
+    tracked = simulate_tracking(rig)
     assert not tracked.lost_in
-    assert tracked.ratio() < 0.3
+    assert tracked.deviation_ratio() < 0.3

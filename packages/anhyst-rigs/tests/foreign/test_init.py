@@ -14,9 +14,9 @@ from anhyst_rigs.rig.bearing.checks import check_controller
 from anhyst_rigs.rig.body import read_bearing
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
 from anhyst_rigs.rig.stage.loop import track
-from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.rig.stage.setpoint import scan_motion
 from anhyst_rigs.study.tracking.measures import measure
 from anhyst_rigs.study.tracking.simulate import find_gains
 from tests.cli.command import quick
@@ -67,8 +67,8 @@ def test_a_draft_of_any_magnet_fits_its_schemas(drafted: Path) -> None:
         read_controller(drafted / "controller.toml"),
     )
     check_controller(controller, rig)
-    assert rig.load < controller.settings.limits.force_high_N
-    assert len(rig.measured.files) >= 1
+    assert rig.static_load < controller.settings.limits.force_high_N
+    assert len(rig.measured_loops.files) >= 1
 
 
 @pytest.mark.slow
@@ -109,11 +109,11 @@ def test_two_of_any_magnet_make_a_stage_that_follows_better_with_its_law(
     rig = read_stage(tmp_path / "my" / "rig.toml")
     scan, control = rig.settings.scan, rig.settings.tracking
     assert rig.settings.body.mass_kg * max(scan.test_m_per_s2) < control.force_max_N
-    known, motion = identify_stage(rig), motion_of(scan, scan.test_m_per_s2)
+    known, motion = identify_stage_magnet(rig), scan_motion(scan, scan.test_m_per_s2)
     average = {}
     for method in ("single-valued", "full"):
         setup = make_stage(rig, known, method)
-        gains = find_gains(setup, motion_of(scan, scan.train_m_per_s2))
+        gains = find_gains(setup, scan_motion(scan, scan.train_m_per_s2))
         run = track(setup, motion, gains, 1)
         assert run.loss is None
         average[method] = measure(run, motion, scan.slit_s).average_m
@@ -155,7 +155,7 @@ def test_the_force_of_any_magnet_is_controlled_at_once(tmp_path: Path, name: str
     done = quick("init", loops, "--force-control", "--out", "my", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     rig = read_rig(tmp_path / "my" / "rig.toml").settings
-    ends = [rig.held.gaps_m[0], rig.held.gaps_m[-1]]
+    ends = [rig.held_case.gaps_m[0], rig.held_case.gaps_m[-1]]
     shortened(tmp_path / "my" / "rig.toml", gaps_m=f"{ends}")
     done = quick("force-control", "my/rig.toml", "--out", "run", cwd=tmp_path, patience=PATIENCE)
     assert done.returncode == 0, done.stderr

@@ -11,7 +11,7 @@ import pytest
 from anhyst.data import Loops
 from anhyst.data.reading import read_loops
 from anhyst_rigs.rig.body import read_bearing
-from anhyst_rigs.rig.distance import along, distance, follower
+from anhyst_rigs.rig.distance import make_path_follower, measure_deviation, simulate_loop
 from anhyst_rigs.rig.from_loops import FittedPlant, complete_rig, fit_magnet
 from anhyst_rigs.rig.magnet_table import MagnetTable
 from tests.cli.command import Result, contents, quick, refused, unwrapped
@@ -54,7 +54,9 @@ def fit(path: Path, **known: float) -> tuple[FittedPlant, Loops]:
 
 def percent(found: FittedPlant, loops: Loops) -> float:
     magnet, zero = found.magnet, found.zero_current
-    far = distance(loops, lambda loop: along(follower(magnet), loop, zero) + found.zero_force)
+    far = measure_deviation(
+        loops, lambda loop: simulate_loop(make_path_follower(magnet), loop, zero) + found.zero_force
+    )
     return 100.0 * far.mean / far.force_max
 
 
@@ -80,7 +82,7 @@ def test_what_the_rig_file_says_of_a_magnet_is_held(tmp_path: Path) -> None:
     assert (found.poles.turns, found.poles.resistance) == (shape.turns, 7.0)
     assert found.poles.depth == shape.depth
     assert found.poles.width == pytest.approx(shape.width, rel=0.15)
-    assert found.guessed == ("iron_length_m",)
+    assert found.guessed_keys == ("iron_length_m",)
     assert percent(found, loops) < CLOSE["soft"]
 
 
@@ -88,11 +90,11 @@ def test_what_the_rig_file_says_of_a_magnet_is_held(tmp_path: Path) -> None:
 def test_a_rig_with_iron_from_its_loops_becomes_whole(tmp_path: Path) -> None:
     rig = read_bearing(write_bearing(MAGNETS["soft"], tmp_path))
     assert rig.settings.iron is None
-    whole = complete_rig(rig, rig.measured.read())
+    whole = complete_rig(rig, rig.measured_loops.read())
     assert whole.fitted is not None
     assert whole.settings.steel == whole.fitted.steel
     assert whole.settings.magnet.poles == whole.fitted.poles
-    assert complete_rig(whole, rig.measured.read()).settings == whole.settings
+    assert complete_rig(whole, rig.measured_loops.read()).settings == whole.settings
 
 
 def carried(result: Result, folder: Path) -> dict[str, object]:
@@ -206,13 +208,13 @@ def test_a_wrong_key_of_the_controller_is_said_before_the_fit(tmp_path: Path) ->
 def test_several_files_of_loops_are_one_set(tmp_path: Path) -> None:
     rig = write_bearing(MAGNETS["soft"], tmp_path)
     head, *rows = (tmp_path / "loops.csv").read_text().splitlines()
-    whole = read_bearing(rig).measured.read()
+    whole = read_bearing(rig).measured_loops.read()
     for number, gap in enumerate(("0.15", "0.25", "0.4")):
         part = [row for row in rows if row.split(",")[3] == gap]
         (tmp_path / f"{number}.csv").write_text("\n".join([head, *part]) + "\n")
     text = rig.read_text().replace('"loops.csv"', '["0.csv", "1.csv", "2.csv"]')
     rig.write_text(text)
-    parts = read_bearing(rig).measured.read()
+    parts = read_bearing(rig).measured_loops.read()
     assert len(parts) == len(whole)
     assert sorted(loop.n for loop in parts.loops) == sorted(loop.n for loop in whole.loops)
 
@@ -231,13 +233,13 @@ def test_an_error_of_force_control_leaves_nothing(tmp_path: Path) -> None:
 def test_the_own_model_as_plant_proves_nothing(tmp_path: Path) -> None:
     from anhyst.model.writer import write_model
     from anhyst_rigs.rig.fitting import check_plant
-    from anhyst_rigs.study.bearing.ready import make_ready, read_files
+    from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 
     example = ROOT / "examples" / "bearing"
     for name in ("rig.toml", "controller.toml", "loops.csv", "loops.toml"):
         shutil.copy(example / name, tmp_path)
-    ready = make_ready(*read_files(tmp_path / "rig.toml", None))
-    knowledge = ready.knowledge()
+    ready = check_inputs(*read_files(tmp_path / "rig.toml", None))
+    knowledge = ready.identify_magnet()
     assert check_plant(ready.rig, knowledge).warnings == []
     write_model(knowledge.model, tmp_path / "model.toml")
     rig = (
@@ -246,6 +248,6 @@ def test_the_own_model_as_plant_proves_nothing(tmp_path: Path) -> None:
         .replace('"electromagnet"', '"law"\nmodel = "model.toml"')
     )
     (tmp_path / "rig.toml").write_text(rig)
-    own = make_ready(*read_files(tmp_path / "rig.toml", None))
+    own = check_inputs(*read_files(tmp_path / "rig.toml", None))
     (message,) = check_plant(own.rig, knowledge).warnings
     assert "proves nothing" in message

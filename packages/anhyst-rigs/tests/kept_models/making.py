@@ -12,9 +12,9 @@ from anhyst.data.reading import read_loops
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst_rigs.rig.body import read_bearing
-from anhyst_rigs.rig.drift import changed, with_iron
+from anhyst_rigs.rig.drift import change_iron, change_rig
 from anhyst_rigs.rig.force.file import read_rig
-from anhyst_rigs.rig.force.programs import find_model, loops_at
+from anhyst_rigs.rig.force.programs import identify_force_model, loops_at_gap
 from anhyst_rigs.rig.measuring import measure_loops
 from tests.plant.irons import generator
 from tests.repository import ROOT
@@ -30,7 +30,7 @@ def measured(example: str, *gaps: float) -> Loops:
 
 def bearing(fraction: float = 0.15) -> Loops:
     """Measure the magnet of the bundled bearing with another reversible fraction."""
-    return measure_loops(with_iron(read_bearing(EXAMPLES / "bearing" / "rig.toml"), fraction))
+    return measure_loops(change_iron(read_bearing(EXAMPLES / "bearing" / "rig.toml"), fraction))
 
 
 def family(iron: str) -> Loops:
@@ -38,7 +38,7 @@ def family(iron: str) -> Loops:
     changes: dict[str, Any] = {"measurement.sample_s": 0.025}
     if iron != "cells":
         changes["iron"] = generator().tables()[iron]
-    return measure_loops(changed(read_bearing(EXAMPLES / "bearing" / "rig.toml"), changes))
+    return measure_loops(change_rig(read_bearing(EXAMPLES / "bearing" / "rig.toml"), changes))
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class ForceControlled(Truth):
         chosen = rig.settings.loops.model_copy(update=self.options)
         rig = replace(rig, settings=rig.settings.model_copy(update={"given_loops": chosen}))
         gap = self.gap or rig.settings.force.end_m
-        return find_model(rig, loops_at(self.loops(), gap))
+        return identify_force_model(rig, loops_at_gap(self.loops(), gap))
 
 
 def _law(name: str, gap_map: str = "circuit", **more: Any) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import pytest
 from anhyst_rigs.link import firmware
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.firmware import build
-from anhyst_rigs.link.virtual_boards import Running, run_host
+from anhyst_rigs.link.virtual_boards import RunningFirmware, run_host
 
 from .handmade import write_parameters
 from .plant import NoisyPlant
@@ -46,7 +46,7 @@ def qemu_firmware(parameters: Path) -> Path:
 
 
 @pytest.fixture
-def board(host_firmware: Path) -> Iterator[Running]:
+def board(host_firmware: Path) -> Iterator[RunningFirmware]:
     """A firmware on a pty that has passed its self-test."""
     with run_host(host_firmware, NoisyPlant()) as running:
         running.bus.step(40)
@@ -54,6 +54,6 @@ def board(host_firmware: Path) -> Iterator[Running]:
 
 
 @pytest.fixture
-def controller(board: Running) -> Iterator[ControllerLink]:
+def controller(board: RunningFirmware) -> Iterator[ControllerLink]:
     with ControllerLink(board.url, timeout=1.0) as controller:
         yield controller

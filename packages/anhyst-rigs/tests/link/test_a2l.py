@@ -19,7 +19,7 @@ from pyxcp.types import XcpResponseError
 from anhyst.support.states import Command, Fault, Phase, State
 from anhyst.support.xcp_map import INPUTS, SETTINGS, SIGNALS
 from anhyst_rigs.link.firmware import build
-from anhyst_rigs.link.virtual_boards import Reading, Running, run_host
+from anhyst_rigs.link.virtual_boards import Reading, RunningFirmware, run_host
 from tests.once import made_once
 from tests.verification.conftest import Compile, compiled  # noqa: F401 - a fixture
 from tests.verification.test_verify_controller import compile_bearing
@@ -33,7 +33,7 @@ CODES = {"SLONG": "<i", "ULONG": "<I", "SWORD": "<h", "UWORD": "<H", "FLOAT32_IE
 class Description:
     """An A2L as pya2l understands it, and a board with the firmware that it is of."""
 
-    def __init__(self, folder: Path, board: Running) -> None:
+    def __init__(self, folder: Path, board: RunningFirmware) -> None:
         self.manifest = json.loads((folder / "manifest.json").read_text())
         place = folder / f"{self.manifest['name']}.a2l"
         self.text = place.read_text()

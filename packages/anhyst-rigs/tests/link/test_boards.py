@@ -15,7 +15,13 @@ from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link import wire
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.firmware import build
-from anhyst_rigs.link.virtual_boards import PlantBus, over, run_host, run_library, run_qemu
+from anhyst_rigs.link.virtual_boards import (
+    PlantBus,
+    exchange_over_socket,
+    run_host,
+    run_library,
+    run_qemu,
+)
 from tests.refusals import refused
 
 from .handmade import write_parameters
@@ -95,7 +101,7 @@ def test_a_firmware_keeps_its_port_while_clients_come_and_go(host_firmware: Path
 def test_a_port_is_read_without_descriptors_as_on_windows(
     host_firmware: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(wire, "_descriptor", lambda port: None)
+    monkeypatch.setattr(wire, "_file_descriptor", lambda port: None)
     with (
         run_host(host_firmware, NoisyPlant(), "tcp:0") as board,
         ControllerLink(board.url, timeout=2.0) as controller,
@@ -158,14 +164,14 @@ def test_a_controller_that_hangs_up_is_reported() -> None:
     with ours:
         theirs.close()
         with refused("tick-not-finished: tick 1"):
-            PlantBus(NoisyPlant(), over(ours)).step()
+            PlantBus(NoisyPlant(), exchange_over_socket(ours)).step()
 
 
 def test_records_of_the_bus_are_found_again_after_a_slip(host_firmware: Path) -> None:
     with run_host(host_firmware, NoisyPlant()) as board:
         board.bus.step(3)
-        assert board.wire is not None
-        board.wire.sendall(b"\1\2\3\4\5")
+        assert board.bus_socket is not None
+        board.bus_socket.sendall(b"\1\2\3\4\5")
         board.bus.step(3)
         assert board.bus.tick == 6
 
@@ -188,7 +194,7 @@ def test_a_firmware_in_this_process_does_what_one_of_its_own_does(
                     controller.demand(n * 4_000_000)
                     board.bus.step()
                     seen.append(board.bus.drive)
-                assert controller.repeated == 0
+                assert controller.repeated_count == 0
             drives.append(seen)
     assert drives[0] == drives[1]
     assert max(drives[0]) > 0.1

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.support.block_words import regenerate
+from anhyst.support.block_words import set_generation
 from anhyst.support.states import Command, Flag, State
 from anhyst_rigs.link import frames
-from anhyst_rigs.link.client import ControllerLink, Refused
+from anhyst_rigs.link.client import ControllerLink, RequestRefusedError
 from anhyst_rigs.link.frames import (
     AckAnswer,
     BlockBeginRequest,
@@ -18,7 +18,7 @@ from anhyst_rigs.link.frames import (
     Reason,
     Setting,
 )
-from anhyst_rigs.link.virtual_boards import Q30, Q31, Running, run_host
+from anhyst_rigs.link.virtual_boards import Q30, Q31, RunningFirmware, run_host
 from tests.refusals import refused
 
 from .conftest import RATE
@@ -27,7 +27,7 @@ from .plant import NOISE, NoisyPlant
 TENTH = (1 << 31) // 10
 
 
-def run(board: Running, controller: ControllerLink) -> None:
+def run(board: RunningFirmware, controller: ControllerLink) -> None:
     """Bring a controller that is idle to run."""
     controller.command(Command.ARM)
     controller.command(Command.RUN)
@@ -42,7 +42,7 @@ def test_a_controller_says_who_it_is(controller: ControllerLink) -> None:
 
 
 def test_a_demand_becomes_a_current_two_ticks_later(
-    board: Running, controller: ControllerLink
+    board: RunningFirmware, controller: ControllerLink
 ) -> None:
     run(board, controller)
     before = controller.demand(3 * TENTH)
@@ -71,7 +71,7 @@ def test_sensors_come_back_as_they_were_shown(host_firmware: Path) -> None:
 
 
 def test_commands_that_do_not_fit_the_state_are_refused(controller: ControllerLink) -> None:
-    with refused("refused state", Refused) as answer:
+    with refused("refused state", RequestRefusedError) as answer:
         controller.command(Command.RUN)
     assert answer.value.reason is Reason.STATE
     assert controller.status().state is State.IDLE
@@ -81,13 +81,13 @@ def test_settings_are_read_and_written(controller: ControllerLink) -> None:
     assert controller.read_setting(Setting.HEARTBEAT_TICKS) == RATE // 10
     assert controller.write_setting(Setting.DEMAND_SLEW, 12345) == 12345
     assert controller.read_setting(Setting.DEMAND_SLEW) == 12345
-    with refused("refused value", Refused):
+    with refused("refused value", RequestRefusedError):
         controller.write_setting(Setting.DEMAND_SLEW, 0)
     assert controller.read_setting(Setting.DEMAND_SLEW) == 12345
 
 
 def test_demands_beyond_the_model_are_limited_and_said_so(
-    board: Running, controller: ControllerLink
+    board: RunningFirmware, controller: ControllerLink
 ) -> None:
     run(board, controller)
     controller.demand((1 << 31) - 1)
@@ -98,20 +98,20 @@ def test_demands_beyond_the_model_are_limited_and_said_so(
 
 
 def test_a_block_is_swapped_between_two_ticks_while_it_runs(
-    board: Running, controller: ControllerLink
+    board: RunningFirmware, controller: ControllerLink
 ) -> None:
     run(board, controller)
     controller.demand(2 * TENTH)
     board.bus.step(3)
     drive = controller.status().codes.drive
     words = controller.read_block()
-    assert controller.write_block(regenerate(words, 40001)) == 40001
+    assert controller.write_block(set_generation(words, 40001)) == 40001
     board.bus.step()
     status = controller.status()
     assert status.codes.generation == 40001
     assert status.state is State.RUN
     assert status.codes.drive == pytest.approx(drive, abs=1e-6 * Q31)
-    assert controller.read_block() == regenerate(words, 40001)
+    assert controller.read_block() == set_generation(words, 40001)
 
 
 @pytest.mark.parametrize("at", [8, 33, -1])
@@ -119,9 +119,9 @@ def test_a_corrupted_block_is_rejected_and_the_old_one_stays(
     controller: ControllerLink, at: int
 ) -> None:
     old = controller.read_block()
-    spoilt = regenerate(old, 7)
+    spoilt = set_generation(old, 7)
     spoilt[at] ^= 1
-    with refused("refused block", Refused) as answer:
+    with refused("refused block", RequestRefusedError) as answer:
         controller.write_block(spoilt)
     assert answer.value.reason is Reason.BLOCK
     assert controller.status().codes.generation == 0
@@ -130,15 +130,15 @@ def test_a_corrupted_block_is_rejected_and_the_old_one_stays(
 
 def test_a_block_that_arrives_incomplete_is_not_put_in_force(controller: ControllerLink) -> None:
     controller.request(BlockBeginRequest(64, 3, 0), AckAnswer)
-    with pytest.raises(Refused) as answer:
+    with pytest.raises(RequestRefusedError) as answer:
         controller.request(BlockDataRequest(20, (1, 2)), AckAnswer)
     assert (answer.value.reason, answer.value.detail) == (Reason.ORDER, 0)
-    with pytest.raises(Refused):
+    with pytest.raises(RequestRefusedError):
         controller.request(BlockSwapRequest(3), AckAnswer)
     assert controller.status().codes.generation == 0
 
 
-def test_demands_stream_in_order(board: Running, controller: ControllerLink) -> None:
+def test_demands_stream_in_order(board: RunningFirmware, controller: ControllerLink) -> None:
     run(board, controller)
     forces = [n * 1000 for n in range(300)]
     answers = list(controller.stream(forces, window=16))

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.support.block_words import regenerate
+from anhyst.support.block_words import set_generation
 from anhyst.support.states import Command, State
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.frames import Setting
-from anhyst_rigs.link.virtual_boards import Running, run_host
+from anhyst_rigs.link.virtual_boards import RunningFirmware, run_host
 from tests.refusals import refused
 
 from .plant import NoisyPlant
@@ -31,7 +31,7 @@ STEP = 1_000_000
 
 
 @contextmanager
-def session(firmware: Path, line: Disturbance) -> Iterator[tuple[Running, ControllerLink]]:
+def session(firmware: Path, line: Disturbance) -> Iterator[tuple[RunningFirmware, ControllerLink]]:
     """A controller that runs behind such a line, over which it was brought to run too."""
     with (
         disturbed_line(line) as ends,
@@ -60,7 +60,7 @@ def test_every_demand_is_done_once_and_in_its_tick(host_firmware: Path, kind: st
             board.bus.step()
             assert controller.status().codes.demand == n * STEP
     assert sum(line.done.values()) > 10
-    assert controller.repeated > 0 or kind == "duplicate"
+    assert controller.repeated_count > 0 or kind == "duplicate"
 
 
 @pytest.mark.first(2)
@@ -97,7 +97,7 @@ def test_every_command_is_done_exactly_once(host_firmware: Path) -> None:
         for _ in range(40):  # done twice, each of them would be refused
             assert controller.command(Command.STOP) is State.READY
             assert controller.command(Command.RUN) is State.RUN
-    assert controller.repeated > 0
+    assert controller.repeated_count > 0
 
 
 def test_blocks_settings_and_recordings_arrive_whole(host_firmware: Path) -> None:
@@ -105,8 +105,8 @@ def test_blocks_settings_and_recordings_arrive_whole(host_firmware: Path) -> Non
     with session(host_firmware, line) as (board, controller):
         words = controller.read_block()
         for generation in (11, 12, 13):
-            assert controller.write_block(regenerate(words, generation)) == generation
-            assert controller.read_block() == regenerate(words, generation)
+            assert controller.write_block(set_generation(words, generation)) == generation
+            assert controller.read_block() == set_generation(words, generation)
         for value in range(100, 120):
             assert controller.write_setting(Setting.HEARTBEAT_TICKS, value) == value
         for _ in range(10):

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.support.block_layout import MOST_WORDS
-from anhyst.support.block_words import regenerate
+from anhyst.support.block_layout import MAX_BLOCK_WORDS
+from anhyst.support.block_words import set_generation
 from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link import frames
 from anhyst_rigs.link.firmware import build
@@ -172,7 +172,7 @@ def test_a_block_that_is_kept_is_in_force_after_the_next_start(
 ) -> None:
     settled(chip)
     words = block_of(parameters)
-    kept = regenerate(words, 7)
+    kept = set_generation(words, 7)
     send_block(chip, kept, 2)
     before = chip.flash()
     assert isinstance(ask(chip, KeepRequest(), 40), AckAnswer)
@@ -197,9 +197,9 @@ def test_power_that_fails_while_a_block_is_kept_leaves_the_one_before(
 ) -> None:
     settled(chip)
     words = block_of(parameters)
-    send_block(chip, regenerate(words, 7), 2)
+    send_block(chip, set_generation(words, 7), 2)
     ask(chip, KeepRequest(), 40)
-    send_block(chip, regenerate(words, 8), 41)
+    send_block(chip, set_generation(words, 8), 41)
     chip.power = works
     chip.receive(encode(KeepRequest(), 80))
     while not chip.dead:
@@ -242,7 +242,7 @@ def kept_set(position: tuple[int, ...], source: int) -> bytes:
     """Return a flash with a set: calibrations, where the position comes from, no block."""
     live_zero = (410, 327760, 0, 80, 4015)
     numbers = [1, *live_zero * 3, *position, source, 0]
-    payload = struct.pack(f"<{len(numbers)}i", *numbers) + bytes(2 * MOST_WORDS)
+    payload = struct.pack(f"<{len(numbers)}i", *numbers) + bytes(2 * MAX_BLOCK_WORDS)
     copy = struct.pack("<III", 0x53594E41, 5, len(payload) // 4) + payload
     copy += struct.pack("<I", zlib.crc32(copy))
     return copy.ljust(2 * nucleo.SECTOR_BYTES, b"\xff")

@@ -7,9 +7,9 @@ import math
 import pytest
 
 from anhyst.support.states import Command, Fault, State
-from anhyst_rigs.link.client import ControllerLink, Refused
+from anhyst_rigs.link.client import ControllerLink, RequestRefusedError
 from anhyst_rigs.link.frames import Setting
-from anhyst_rigs.link.virtual_boards import Running
+from anhyst_rigs.link.virtual_boards import RunningFirmware
 from tests.refusals import refused
 
 from .conftest import RATE
@@ -18,7 +18,7 @@ from .plant import NoisyPlant
 HALF = 1 << 30
 
 
-def run(board: Running, controller: ControllerLink) -> NoisyPlant:
+def run(board: RunningFirmware, controller: ControllerLink) -> NoisyPlant:
     """Bring a controller to run at half of the full-scale force; return its plant."""
     controller.command(Command.ARM)
     controller.command(Command.RUN)
@@ -31,7 +31,7 @@ def run(board: Running, controller: ControllerLink) -> NoisyPlant:
     return plant
 
 
-def milliseconds_to_zero(board: Running, most: int) -> float:
+def milliseconds_to_zero(board: RunningFirmware, most: int) -> float:
     """Virtual time until the current driven is zero."""
     for tick in range(most):
         if board.bus.drive == 0.0:
@@ -41,7 +41,7 @@ def milliseconds_to_zero(board: Running, most: int) -> float:
 
 
 def test_a_lost_link_brings_the_current_to_zero_in_time(
-    board: Running, controller: ControllerLink
+    board: RunningFirmware, controller: ControllerLink
 ) -> None:
     run(board, controller)
     timeout = 1e3 * controller.read_setting(Setting.HEARTBEAT_TICKS) / RATE
@@ -53,7 +53,7 @@ def test_a_lost_link_brings_the_current_to_zero_in_time(
     assert (status.state, status.fault) == (State.FAULT, Fault.LINK_LOST)
 
 
-def test_a_shorter_timeout_is_kept_too(board: Running, controller: ControllerLink) -> None:
+def test_a_shorter_timeout_is_kept_too(board: RunningFirmware, controller: ControllerLink) -> None:
     run(board, controller)
     controller.write_setting(Setting.HEARTBEAT_TICKS, 8)
     board.bus.step(8)
@@ -76,7 +76,7 @@ def test_a_shorter_timeout_is_kept_too(board: Running, controller: ControllerLin
     ],
 )
 def test_a_sensor_that_lies_is_found(
-    board: Running, controller: ControllerLink, reading: dict[str, float], fault: Fault
+    board: RunningFirmware, controller: ControllerLink, reading: dict[str, float], fault: Fault
 ) -> None:
     plant = run(board, controller)
     plant.reading = reading
@@ -86,7 +86,7 @@ def test_a_sensor_that_lies_is_found(
 
 
 def test_a_sensor_that_is_stuck_is_found_while_the_current_moves(
-    board: Running, controller: ControllerLink
+    board: RunningFirmware, controller: ControllerLink
 ) -> None:
     plant = run(board, controller)
     plant.reading = {"gap": 0.5}
@@ -96,7 +96,9 @@ def test_a_sensor_that_is_stuck_is_found_while_the_current_moves(
     assert board.bus.fault is Fault.GAP_STUCK
 
 
-def test_a_gap_that_stands_still_is_no_fault(board: Running, controller: ControllerLink) -> None:
+def test_a_gap_that_stands_still_is_no_fault(
+    board: RunningFirmware, controller: ControllerLink
+) -> None:
     run(board, controller)
     for n in range(40):
         controller.demand(HALF // 2 if n % 2 else HALF)
@@ -105,7 +107,7 @@ def test_a_gap_that_stands_still_is_no_fault(board: Running, controller: Control
 
 
 def test_missed_ticks_are_counted_and_too_many_are_a_fault(
-    board: Running, controller: ControllerLink
+    board: RunningFirmware, controller: ControllerLink
 ) -> None:
     run(board, controller)
     board.bus.skip(2)
@@ -118,13 +120,13 @@ def test_missed_ticks_are_counted_and_too_many_are_a_fault(
 
 
 def test_the_first_reason_stays_until_it_is_cleared(
-    board: Running, controller: ControllerLink
+    board: RunningFirmware, controller: ControllerLink
 ) -> None:
     plant = run(board, controller)
     plant.reading = {"force": math.nan}
     board.bus.step(8)
     plant.reading = {"gap": 2.0}
-    with refused("refused current", Refused):
+    with refused("refused current", RequestRefusedError):
         controller.command(Command.CLEAR)  # current still flows
     board.bus.step(200)
     assert controller.status().fault is Fault.FORCE_RESERVED

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.builder import build_block
-from anhyst.support.block_words import Scales, regenerate
+from anhyst.support.block_words import Scales, set_generation
 from anhyst.support.states import Command
-from anhyst_rigs.link.client import ControllerLink, Refused
+from anhyst_rigs.link.client import ControllerLink, RequestRefusedError
 from anhyst_rigs.link.frames import Reason
-from anhyst_rigs.link.virtual_boards import Running
+from anhyst_rigs.link.virtual_boards import RunningFirmware
 from tests.actuators import SIZES, closed_form, compiled, magnet, ranges
 
 from .conftest import RATE
@@ -27,8 +27,10 @@ STEP = 1.0 / (0.020 * RATE)
 def made_for(scales: Scales) -> list[int]:
     """Return the board's own actuator compiled for other scales; its gaps are taken from them."""
     law = closed_form("reluctance")
-    made = build_block(magnet(), "simplified", scales, ranges("reluctance")[1], SIZES, law=law)
-    return regenerate(made.words.tolist(), 7)
+    made = build_block(
+        magnet(), "simplified", scales, ranges("reluctance")[1], SIZES, closed_form=law
+    )
+    return set_generation(made.words.tolist(), 7)
 
 
 def weaker(part: float) -> list[int]:
@@ -38,10 +40,10 @@ def weaker(part: float) -> list[int]:
     for name in ("GAP_BIAS", "GAP_FLUX_ARM", "GAP_FIELD_ARM"):
         first, entries = block.tables[name]
         words[first : first + entries] = np.rint(words[first : first + entries] * part)
-    return regenerate(words.tolist(), 8)
+    return set_generation(words.tolist(), 8)
 
 
-def at_full_demand(board: Running, controller: ControllerLink) -> None:
+def at_full_demand(board: RunningFirmware, controller: ControllerLink) -> None:
     controller.command(Command.ARM)
     controller.command(Command.RUN)
     controller.demand(FULL)
@@ -51,12 +53,12 @@ def at_full_demand(board: Running, controller: ControllerLink) -> None:
 
 @pytest.mark.parametrize("name", ["demand", "current", "gap_low", "gap_high"])
 def test_a_block_made_for_another_board_is_refused_in_one_line(
-    board: Running, controller: ControllerLink, name: str
+    board: RunningFirmware, controller: ControllerLink, name: str
 ) -> None:
     at_full_demand(board, controller)
     own, drive = ranges("reluctance")[0], board.bus.drive
     other = 1.25 * getattr(own, name)
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(RequestRefusedError) as refused:
         controller.write_block(made_for(replace(own, **{name: other})))
     assert refused.value.reason is Reason.SCALE
     text = str(refused.value)
@@ -70,7 +72,7 @@ def test_a_block_made_for_another_board_is_refused_in_one_line(
     assert controller.status().codes.generation == 0
 
 
-def follow(board: Running, controller: ControllerLink, words: list[int]) -> list[float]:
+def follow(board: RunningFirmware, controller: ControllerLink, words: list[int]) -> list[float]:
     """Put a block in force, and return the currents from the one before it on."""
     drives = [board.bus.drive]
     controller.write_block(words)
@@ -81,11 +83,11 @@ def follow(board: Running, controller: ControllerLink, words: list[int]) -> list
 
 
 def test_a_swap_at_full_demand_moves_the_current_along_the_ramp(
-    board: Running, controller: ControllerLink
+    board: RunningFirmware, controller: ControllerLink
 ) -> None:
     at_full_demand(board, controller)
     less = follow(board, controller, weaker(0.8))
-    again = follow(board, controller, regenerate(compiled(KIND).words.tolist(), 9))
+    again = follow(board, controller, set_generation(compiled(KIND).words.tolist(), 9))
     for drives, factor in ((less, 0.8), (again, 1.25)):
         assert np.abs(np.diff(drives)).max() <= STEP * (1.0 + 1e-6)
         # What was driven on the way counts: too much of it leaves the iron on its falling branch.

@@ -16,7 +16,7 @@ from anhyst.support.errors import InputError
 from anhyst_rigs.link import frames
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.frames import HelloRequest, InfoAnswer, NakAnswer, Reason, StatusAnswer
-from anhyst_rigs.link.virtual_boards import Running, run_host
+from anhyst_rigs.link.virtual_boards import RunningFirmware, run_host
 from anhyst_rigs.link.wire import Receiver, encode
 from tests.refusals import says
 
@@ -48,7 +48,7 @@ def test_something_that_is_not_a_port(tmp_path: Path) -> None:
     assert says(refusal("nonsense://x"), "port-not-open")
 
 
-def test_a_port_that_is_taken(board: Running) -> None:
+def test_a_port_that_is_taken(board: RunningFirmware) -> None:
     with ControllerLink(board.url, timeout=1.0) as first:
         assert "is taken by another program" in refusal(board.url)
         assert first.status().tick == board.bus.tick
@@ -68,8 +68,8 @@ def test_a_controller_that_vanishes(host_firmware: Path) -> None:
         run_host(host_firmware, NoisyPlant()) as started,
         ControllerLink(started.url, timeout=0.02, attempts=3) as controller,
     ):
-        assert started.wire is not None
-        started.wire.close()  # the firmware ends when its plant hangs up
+        assert started.bus_socket is not None
+        started.bus_socket.close()  # the firmware ends when its plant hangs up
         with pytest.raises(InputError) as caught:
             list(controller.stream(range(100)))
         assert caught.value.code in {"no-answer", "port-gone"}
@@ -114,7 +114,9 @@ def test_firmware_of_another_protocol_version(answer: bytes) -> None:
     assert says(text, f"other-protocol-version: version {ours + 1}; version {ours}")
 
 
-def test_firmware_reports_a_pc_of_another_version(board: Running, monkeypatch: object) -> None:
+def test_firmware_reports_a_pc_of_another_version(
+    board: RunningFirmware, monkeypatch: object
+) -> None:
     patch, its = monkeypatch, frames.VERSION
     assert isinstance(patch, pytest.MonkeyPatch)
     patch.setattr(frames, "VERSION", its + 7)

@@ -113,9 +113,9 @@ def two_lines(chip: Path) -> Iterator[list[ControllerLink]]:
     command = [find_qemu(), "-M", "mps2-an385", "-display", "none", "-monitor", "none"]
     for number, listener in enumerate(listeners):
         where = f"fd={listener.fileno()},server=on,wait=off,nodelay=on"
-        command += virtual_boards._serial(f"link{number}", where)
+        command += virtual_boards._serial_options(f"link{number}", where)
     command += ["-echr", virtual_boards._NO_ESCAPE, "-kernel", str(chip)]
-    with virtual_boards._started(command, listeners), ExitStack() as stack:
+    with virtual_boards._start_process(command, listeners), ExitStack() as stack:
         yield [stack.enter_context(ControllerLink(url, timeout=2.0)) for url in urls]
 
 

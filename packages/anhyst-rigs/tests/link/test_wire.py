@@ -8,23 +8,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anhyst_rigs.link.frames import BlockDataRequest, DemandRequest, HeartbeatRequest
-from anhyst_rigs.link.wire import Receiver, encode, stuff, unstuff
+from anhyst_rigs.link.wire import Receiver, cobs_decode, cobs_encode, encode
 
 BODIES = st.binary(max_size=253)
 
 
 @given(BODIES)
 def test_stuffed_bytes_have_no_zero_and_come_back(body: bytes) -> None:
-    stuffed = stuff(body)
+    stuffed = cobs_encode(body)
     assert 0 not in stuffed
     assert len(stuffed) == len(body) + 1
-    assert unstuff(stuffed) == body
+    assert cobs_decode(stuffed) == body
 
 
 def test_stuffing_follows_the_published_examples() -> None:
-    assert stuff(b"\x00") == b"\x01\x01"
-    assert stuff(b"\x11\x22\x00\x33") == b"\x03\x11\x22\x02\x33"
-    assert stuff(b"\x11\x00\x00\x00") == b"\x02\x11\x01\x01\x01"
+    assert cobs_encode(b"\x00") == b"\x01\x01"
+    assert cobs_encode(b"\x11\x22\x00\x33") == b"\x03\x11\x22\x02\x33"
+    assert cobs_encode(b"\x11\x00\x00\x00") == b"\x02\x11\x01\x01\x01"
 
 
 @settings(max_examples=50)
@@ -51,7 +51,7 @@ def test_every_single_flipped_bit_is_found() -> None:
         spoilt[bit // 8] ^= 1 << bit % 8
         receiver = Receiver()
         assert receiver.feed(bytes(spoilt)) == []
-        assert receiver.bad > 0
+        assert receiver.bad_count > 0
 
 
 def test_the_longest_frame_is_254_bytes() -> None:

@@ -17,14 +17,14 @@ import numpy as np
 import pytest
 from pyxcp.types import XcpResponseError
 
-from anhyst.support.block_layout import PLACES
-from anhyst.support.block_words import regenerate
+from anhyst.support.block_layout import WORD_INDEX
+from anhyst.support.block_words import set_generation
 from anhyst.support.states import Command, Fault, State
-from anhyst.support.xcp_map import AREAS, PACKET, SETTINGS, SIGNALS
-from anhyst_rigs.link.client import ControllerLink, Refused
+from anhyst.support.xcp_map import AREA_ADDRESSES, MAX_PACKET_BYTES, SETTINGS, SIGNALS
+from anhyst_rigs.link.client import ControllerLink, RequestRefusedError
 from anhyst_rigs.link.frames import Setting
-from anhyst_rigs.link.virtual_boards import Running, run_host
-from anhyst_rigs.link.wire import framed, key_for
+from anhyst_rigs.link.virtual_boards import RunningFirmware, run_host
+from anhyst_rigs.link.wire import compute_key, frame_packet
 from tests.actuators import compiled, ranges
 from tests.firmware.build import tool
 from tests.repository import ROOT
@@ -41,18 +41,18 @@ FULL = (1 << 31) - 1
 """Bytes of a packet and its head."""
 
 OVERLOAD = b"\xfd\x06"
-BLOCK = AREAS["block"]
+BLOCK = AREA_ADDRESSES["block"]
 
 
 @pytest.fixture
-def xcp_board(host_firmware: Path) -> Iterator[Running]:
+def xcp_board(host_firmware: Path) -> Iterator[RunningFirmware]:
     """A firmware with a port for XCP that has passed its self-test."""
     with run_host(host_firmware, NoisyPlant(), xcp=0) as running:
         running.bus.step(40)
         yield running
 
 
-def measure(board: Running, ticks: int) -> np.ndarray:
+def measure(board: RunningFirmware, ticks: int) -> np.ndarray:
     """Return what a master gets of so many ticks of a run: tick number, eight signals.
 
     The own link commands meanwhile: another demand every 100 ticks.
@@ -74,7 +74,7 @@ def measure(board: Running, ticks: int) -> np.ndarray:
     return rows
 
 
-def check_whole(board: Running, ticks: int) -> None:
+def check_whole(board: RunningFirmware, ticks: int) -> None:
     """Every tick is there once and in order, and says what was driven in it."""
     first = board.bus.tick + 1
     rows = measure(board, ticks)
@@ -87,16 +87,18 @@ def check_whole(board: Running, ticks: int) -> None:
     assert np.ptp(driven) > 0.3
 
 
-def test_eight_signals_of_every_tick_without_a_gap(xcp_board: Running) -> None:
+def test_eight_signals_of_every_tick_without_a_gap(xcp_board: RunningFirmware) -> None:
     check_whole(xcp_board, 3 * RATE)
 
 
 @pytest.mark.slow
-def test_eight_signals_of_every_tick_of_twenty_seconds_without_a_gap(xcp_board: Running) -> None:
+def test_eight_signals_of_every_tick_of_twenty_seconds_without_a_gap(
+    xcp_board: RunningFirmware,
+) -> None:
     check_whole(xcp_board, 20 * RATE)
 
 
-def test_time_stamps_are_the_numbers_of_the_ticks(xcp_board: Running) -> None:
+def test_time_stamps_are_the_numbers_of_the_ticks(xcp_board: RunningFirmware) -> None:
     with connected(xcp_board) as line:
         clock = ask(line, b"\xdc")
         assert struct.unpack("<I", clock[4:]) == (40,)
@@ -106,7 +108,7 @@ def test_time_stamps_are_the_numbers_of_the_ticks(xcp_board: Running) -> None:
     assert stamps == [(0, 0, tick) for tick in (41, 44, 47, 50)]
 
 
-def test_the_slave_says_what_it_is(xcp_board: Running) -> None:
+def test_the_slave_says_what_it_is(xcp_board: RunningFirmware) -> None:
     with master_on(xcp_board) as master:
         assert master.identifier(0) == master.identifier(1) == "handmade"
         assert master.slaveProperties.maxCto == master.slaveProperties.maxDto == 136
@@ -118,7 +120,7 @@ def test_the_slave_says_what_it_is(xcp_board: Running) -> None:
         )
 
 
-def test_what_is_read_is_what_the_own_link_says(xcp_board: Running) -> None:
+def test_what_is_read_is_what_the_own_link_says(xcp_board: RunningFirmware) -> None:
     with ControllerLink(xcp_board.url, timeout=1.0) as controller, master_on(xcp_board) as master:
         status = controller.status()
         for name in ("demand", "force", "gap", "current", "drive", "state", "fault"):
@@ -133,7 +135,7 @@ def test_what_is_read_is_what_the_own_link_says(xcp_board: Running) -> None:
         assert master.buildChecksum(len(data)).checksum == zlib.crc32(data)
 
 
-def test_without_a_key_nothing_can_be_written(xcp_board: Running) -> None:
+def test_without_a_key_nothing_can_be_written(xcp_board: RunningFirmware) -> None:
     with master_on(xcp_board) as master:
         for attempt in (
             lambda: write(master, "demand_slew", 5),
@@ -149,12 +151,12 @@ def test_without_a_key_nothing_can_be_written(xcp_board: Running) -> None:
     assert xcp_board.bus.state is State.IDLE
 
 
-def test_a_wrong_key_ends_the_connection(xcp_board: Running) -> None:
+def test_a_wrong_key_ends_the_connection(xcp_board: RunningFirmware) -> None:
     with connected(xcp_board) as line:
         seed = ask(line, b"\xf8\x00\x01")
         assert seed[:2] == b"\xff\x04"
-        assert ask(line, b"\xf7\x04" + key_for(seed[2:], secret=1)) == b"\xfe\x25"
-        line.sendall(framed(b"\xfd"))
+        assert ask(line, b"\xf7\x04" + compute_key(seed[2:], secret=1)) == b"\xfe\x25"
+        line.sendall(frame_packet(b"\xfd"))
         line.settimeout(0.1)
         with pytest.raises(TimeoutError):
             line.recv(1)
@@ -162,7 +164,7 @@ def test_a_wrong_key_ends_the_connection(xcp_board: Running) -> None:
         assert ask(line, b"\xff\x00")[0] == 0xFF
         again = ask(line, b"\xf8\x00\x01")
         assert again[2:] != seed[2:]  # a key that was seen is of no use
-        assert ask(line, b"\xf7\x04" + key_for(again[2:])) == b"\xff\x00"
+        assert ask(line, b"\xf7\x04" + compute_key(again[2:])) == b"\xff\x00"
 
 
 def test_the_key_that_the_page_shows_in_c_is_the_key(tmp_path: Path) -> None:
@@ -176,10 +178,10 @@ def test_the_key_that_the_page_shows_in_c_is_the_key(tmp_path: Path) -> None:
     )
     subprocess.run([tool("cc", "gcc"), source, "-o", tmp_path / "key"], check=True)
     shown = subprocess.run([tmp_path / "key"], capture_output=True, text=True, check=True).stdout
-    assert int(shown, 16) == int.from_bytes(key_for(bytes([1, 2, 254, 255])), "little")
+    assert int(shown, 16) == int.from_bytes(compute_key(bytes([1, 2, 254, 255])), "little")
 
 
-def test_a_master_commands_a_run_and_keeps_it_alive(xcp_board: Running) -> None:
+def test_a_master_commands_a_run_and_keeps_it_alive(xcp_board: RunningFirmware) -> None:
     bus = xcp_board.bus
     with master_on(xcp_board, unlocked=True) as master:
         write(master, "command", Command.ARM)
@@ -198,7 +200,7 @@ def test_a_master_commands_a_run_and_keeps_it_alive(xcp_board: Running) -> None:
     assert (bus.state, bus.fault) == (State.FAULT, Fault.LINK_LOST)
 
 
-def test_a_master_that_looks_on_does_not_keep_a_run_alive(xcp_board: Running) -> None:
+def test_a_master_that_looks_on_does_not_keep_a_run_alive(xcp_board: RunningFirmware) -> None:
     with ControllerLink(xcp_board.url, timeout=1.0) as controller, master_on(xcp_board) as master:
         controller.command(Command.ARM)
         controller.command(Command.RUN)
@@ -212,7 +214,7 @@ OF_FORCE = [setting for setting in SETTINGS if setting.body in ("", "force")]
 
 
 @pytest.mark.parametrize("setting", OF_FORCE, ids=[setting.name for setting in OF_FORCE])
-def test_settings_keep_their_limits(xcp_board: Running, setting: object) -> None:
+def test_settings_keep_their_limits(xcp_board: RunningFirmware, setting: object) -> None:
     number = [each is setting for each in SETTINGS].index(True)
     value = SETTINGS[number]
     high = RATE // 2 if value.name.endswith("_ticks") else value.high  # the board's ceiling
@@ -231,9 +233,9 @@ def test_settings_keep_their_limits(xcp_board: Running, setting: object) -> None
         assert read(master, value.name) == high
 
 
-def test_a_controller_of_force_has_no_gains_of_a_position(xcp_board: Running) -> None:
+def test_a_controller_of_force_has_no_gains_of_a_position(xcp_board: RunningFirmware) -> None:
     with ControllerLink(xcp_board.url, timeout=1.0) as controller:
-        with pytest.raises(Refused):
+        with pytest.raises(RequestRefusedError):
             controller.write_setting(Setting.GAINS, 1)
         assert controller.read_setting(Setting.GAINS) == 0
     with master_on(xcp_board, unlocked=True) as master:
@@ -247,11 +249,11 @@ def download(master: Any, words: list[int]) -> None:
     master.setCalPage(XCP, SEGMENT, 1)
     master.setMta(BLOCK, 0)
     data = np.array(words, "<i2").tobytes()
-    for at in range(0, len(data), PACKET - 2):
-        master.download(data[at : at + PACKET - 2])
+    for at in range(0, len(data), MAX_PACKET_BYTES - 2):
+        master.download(data[at : at + MAX_PACKET_BYTES - 2])
 
 
-def test_a_page_is_swapped_in_at_full_demand_along_the_ramp(xcp_board: Running) -> None:
+def test_a_page_is_swapped_in_at_full_demand_along_the_ramp(xcp_board: RunningFirmware) -> None:
     bus = xcp_board.bus
     with master_on(xcp_board, unlocked=True) as master:
         write(master, "command", Command.ARM)
@@ -274,8 +276,8 @@ def test_a_page_is_swapped_in_at_full_demand_along_the_ramp(xcp_board: Running) 
     assert drives[-1] == pytest.approx(0.8 * before, rel=0.08)
 
 
-def test_one_word_is_calibrated_and_the_checksum_follows(xcp_board: Running) -> None:
-    place = BLOCK + 2 * PLACES["GENERATION"]
+def test_one_word_is_calibrated_and_the_checksum_follows(xcp_board: RunningFirmware) -> None:
+    place = BLOCK + 2 * WORD_INDEX["GENERATION"]
     with (
         ControllerLink(xcp_board.url, timeout=1.0) as controller,
         master_on(xcp_board, unlocked=True) as master,
@@ -288,7 +290,7 @@ def test_one_word_is_calibrated_and_the_checksum_follows(xcp_board: Running) -> 
             master.setCalPage(ECU, SEGMENT, 1)
             assert controller.status().codes.generation == generation
         words = controller.read_block()
-        assert words == regenerate(words, 42)
+        assert words == set_generation(words, 42)
         master.setMta(place, 0)
         master.download(b"\x07\x00")
         master.copyCalPage(SEGMENT, 0, SEGMENT, 1)  # changed one's mind
@@ -296,13 +298,15 @@ def test_one_word_is_calibrated_and_the_checksum_follows(xcp_board: Running) -> 
 
 
 @pytest.mark.parametrize("name", ["demand", "current", "gap_low", "gap_high", "damaged", "law"])
-def test_a_page_that_is_no_block_for_this_board_is_refused(xcp_board: Running, name: str) -> None:
-    words = regenerate(compiled(KIND).words.tolist(), 9)
+def test_a_page_that_is_no_block_for_this_board_is_refused(
+    xcp_board: RunningFirmware, name: str
+) -> None:
+    words = set_generation(compiled(KIND).words.tolist(), 9)
     if name == "damaged":
         words[-1] ^= 1  # its own checksum is written with it, and not right any more
     elif name == "law":
-        words[PLACES["KIND"]] = 1
-        words = regenerate(words, 9)
+        words[WORD_INDEX["KIND"]] = 1
+        words = set_generation(words, 9)
     else:
         own = ranges("reluctance")[0]
         words = made_for(replace(own, **{name: 1.25 * getattr(own, name)}))
@@ -315,12 +319,12 @@ def test_a_page_that_is_no_block_for_this_board_is_refused(xcp_board: Running, n
             master.setCalPage(ECU, SEGMENT, 1)
         assert refused(error.value) == "ERR_PAGE_NOT_VALID"
         assert controller.status().codes.generation == 0
-        download(master, regenerate(compiled(KIND).words.tolist(), 10))
+        download(master, set_generation(compiled(KIND).words.tolist(), 10))
         master.setCalPage(ECU, SEGMENT, 1)
         assert controller.status().codes.generation == 10
 
 
-def test_page_0_cannot_be_written(xcp_board: Running) -> None:
+def test_page_0_cannot_be_written(xcp_board: RunningFirmware) -> None:
     with master_on(xcp_board, unlocked=True) as master:
         master.setMta(BLOCK + 10, 0)
         with pytest.raises(XcpResponseError) as error:
@@ -328,10 +332,10 @@ def test_page_0_cannot_be_written(xcp_board: Running) -> None:
         assert refused(error.value) == "ERR_WRITE_PROTECTED"
 
 
-def test_the_next_master_begins_anew(xcp_board: Running) -> None:
+def test_the_next_master_begins_anew(xcp_board: RunningFirmware) -> None:
     with connected(xcp_board) as line:
         seed = ask(line, b"\xf8\x00\x01")
-        assert ask(line, b"\xf7\x04" + key_for(seed[2:]))[0] == 0xFF
+        assert ask(line, b"\xf7\x04" + compute_key(seed[2:]))[0] == 0xFF
         start_sampling(line, ["gap"])  # and the cable is pulled
     with master_on(xcp_board) as master:
         xcp_board.bus.step(10)
@@ -342,7 +346,7 @@ def test_the_next_master_begins_anew(xcp_board: Running) -> None:
 
 @pytest.mark.slow
 def test_a_master_that_takes_no_samples_stops_nothing_and_learns_of_it(
-    xcp_board: Running,
+    xcp_board: RunningFirmware,
 ) -> None:
     """More than socket and queue hold is left out, whole samples at a time, and reported."""
     ticks = 40_000
@@ -360,9 +364,9 @@ def test_a_master_that_takes_no_samples_stops_nothing_and_learns_of_it(
 
 
 @contextmanager
-def connected(board: Running) -> Iterator[socket.socket]:
+def connected(board: RunningFirmware) -> Iterator[socket.socket]:
     """Connect without a master that would answer for itself."""
-    with socket.create_connection(("127.0.0.1", board.xcp), timeout=2.0) as line:
+    with socket.create_connection(("127.0.0.1", board.xcp_port), timeout=2.0) as line:
         assert ask(line, b"\xff\x00")[0] == 0xFF
         yield line
 
@@ -396,5 +400,5 @@ def exactly(line: socket.socket, count: int) -> bytes:
 
 def ask(line: socket.socket, packet: bytes) -> bytes:
     """Send a command and return its answer."""
-    line.sendall(framed(packet))
+    line.sendall(frame_packet(packet))
     return take(line)

@@ -16,7 +16,7 @@ import pytest
 from pyxcp.types import XcpResponseError
 
 from anhyst.support.states import Command, Fault, State
-from anhyst_rigs.link.virtual_boards import Running, run_host
+from anhyst_rigs.link.virtual_boards import RunningFirmware, run_host
 from tests.actuators import compiled
 
 from .conftest import RATE
@@ -28,7 +28,7 @@ from .xcp_master import ECU, SEGMENT, Samples, master_on, read, refused, write
 
 
 @pytest.fixture
-def bridged(host_firmware: Path) -> Iterator[Running]:
+def bridged(host_firmware: Path) -> Iterator[RunningFirmware]:
     """A firmware without a port for XCP, and the verb that offers one for it."""
     with run_host(host_firmware, NoisyPlant()) as running:
         running.bus.step(40)
@@ -37,13 +37,13 @@ def bridged(host_firmware: Path) -> Iterator[Running]:
             assert verb.stdout is not None
             line = verb.stdout.readline()
             try:
-                yield replace(running, xcp=int(line.split()[3].rpartition(":")[2]))
+                yield replace(running, xcp_port=int(line.split()[3].rpartition(":")[2]))
             finally:
                 verb.send_signal(signal.SIGINT)
                 assert verb.wait(10.0) == 130
 
 
-def test_eight_signals_of_every_tick_come_through_the_link(bridged: Running) -> None:
+def test_eight_signals_of_every_tick_come_through_the_link(bridged: RunningFirmware) -> None:
     samples = Samples(EIGHT)
     plant = bridged.bus.plant
     assert isinstance(plant, NoisyPlant)
@@ -66,7 +66,7 @@ def test_eight_signals_of_every_tick_come_through_the_link(bridged: Running) -> 
     assert np.ptp(driven) > 0.3
 
 
-def test_a_block_is_calibrated_and_swapped_through_the_link(bridged: Running) -> None:
+def test_a_block_is_calibrated_and_swapped_through_the_link(bridged: RunningFirmware) -> None:
     with master_on(bridged, unlocked=True) as master:
         download(master, weaker(0.8))
         master.setCalPage(ECU, SEGMENT, 1)
@@ -79,14 +79,14 @@ def test_a_block_is_calibrated_and_swapped_through_the_link(bridged: Running) ->
         assert refused(error.value) == "ERR_PAGE_NOT_VALID"
 
 
-def test_without_a_key_a_master_behind_the_link_only_looks_on(bridged: Running) -> None:
+def test_without_a_key_a_master_behind_the_link_only_looks_on(bridged: RunningFirmware) -> None:
     with master_on(bridged) as master, pytest.raises(XcpResponseError) as error:
         write(master, "command", Command.ARM)
     assert refused(error.value) == "ERR_ACCESS_LOCKED"
     assert bridged.bus.state is State.IDLE
 
 
-def test_the_bridge_itself_keeps_no_run_alive(bridged: Running) -> None:
+def test_the_bridge_itself_keeps_no_run_alive(bridged: RunningFirmware) -> None:
     """It asks for samples all the time; the master's own commands alone are signs of life."""
     with master_on(bridged, unlocked=True) as master:
         write(master, "command", Command.ARM)
@@ -101,7 +101,7 @@ def test_the_bridge_itself_keeps_no_run_alive(bridged: Running) -> None:
         assert bridged.bus.fault is Fault.LINK_LOST
 
 
-def test_the_next_master_behind_the_link_begins_anew(bridged: Running) -> None:
+def test_the_next_master_behind_the_link_begins_anew(bridged: RunningFirmware) -> None:
     with master_on(bridged, unlocked=True) as master:
         write(master, "demand_slew", 4321)
     with connected(bridged) as line:

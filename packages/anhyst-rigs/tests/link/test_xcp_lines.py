@@ -15,7 +15,7 @@ import pytest
 from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.firmware import build
-from anhyst_rigs.link.virtual_boards import Running, run_qemu
+from anhyst_rigs.link.virtual_boards import RunningFirmware, run_qemu
 
 from . import nucleo
 from .conftest import RATE
@@ -26,7 +26,7 @@ from .xcp_master import Samples, master_on, master_on_serial, read, write
 
 
 @pytest.fixture
-def emulated(qemu_firmware: Path) -> Iterator[Running]:
+def emulated(qemu_firmware: Path) -> Iterator[RunningFirmware]:
     """The emulated board with a port for XCP, its self-test passed."""
     with run_qemu(qemu_firmware, NoisyPlant(), xcp=True) as running:
         running.bus.step(40)
@@ -35,12 +35,14 @@ def emulated(qemu_firmware: Path) -> Iterator[Running]:
 
 @pytest.mark.slow
 @pytest.mark.needs("qemu-system-arm")
-def test_eight_signals_of_every_tick_from_the_emulated_board(emulated: Running) -> None:
+def test_eight_signals_of_every_tick_from_the_emulated_board(emulated: RunningFirmware) -> None:
     check_whole(emulated, 2000)
 
 
 @pytest.mark.needs("qemu-system-arm")
-def test_a_master_commands_the_emulated_board_and_is_its_heartbeat(emulated: Running) -> None:
+def test_a_master_commands_the_emulated_board_and_is_its_heartbeat(
+    emulated: RunningFirmware,
+) -> None:
     bus = emulated.bus
     for _ in range(2):  # masters come and go
         with master_on(emulated) as master:

@@ -13,10 +13,10 @@ import pytest
 
 from anhyst.support.states import Command, State
 from anhyst.support.xcp_map import SIGNALS
-from anhyst_rigs.link.client import Refused
+from anhyst_rigs.link.client import RequestRefusedError
 from anhyst_rigs.link.frames import Setting
-from anhyst_rigs.link.wire import framed
-from anhyst_rigs.link.xcp import AnswerLost, XcpLine, XcpMaster
+from anhyst_rigs.link.wire import frame_packet
+from anhyst_rigs.link.xcp import AnswerLostError, XcpLine, XcpMaster
 from tests.refusals import refused
 
 from .conftest import RATE
@@ -29,17 +29,17 @@ __all__ = ["chip"]
 def test_the_nucleo_is_measured_and_commanded_over_its_second_serial_port(chip: Chip) -> None:
     with terminal_of(chip) as port, closing(XcpMaster(port)) as master:
         assert master.name == "handmade"
-        assert master.every == 3  # at 4 kHz ten signals of every third tick, of 92 kB/s
+        assert master.tick_interval == 3  # at 4 kHz ten signals of every third tick, of 92 kB/s
         assert RATE == 4000
-        rows = master.take(0)
+        rows = master.take_samples(0)
         while len(rows) < 40:
-            rows = np.concatenate((rows, master.take(int(rows[-1, 0]) + 1)))
-        assert (np.diff(rows[:, 0]) == master.every).all()
+            rows = np.concatenate((rows, master.take_samples(int(rows[-1, 0]) + 1)))
+        assert (np.diff(rows[:, 0]) == master.tick_interval).all()
         assert len(set(rows[:, 1 + master.signals.index("gap")])) == 2  # its noise
         assert {one.name for one in SIGNALS} > set(master.signals)
         master.write_setting(Setting.DEMAND_SLEW, 12345)
         assert master.read_setting(Setting.DEMAND_SLEW) == 12345
-        with refused("refused state", Refused):
+        with refused("refused state", RequestRefusedError):
             master.command(Command.RUN)
         assert master.command(Command.ARM) is State.READY
         assert master.command(Command.IDLE) is State.IDLE
@@ -66,7 +66,7 @@ def terminal() -> Iterator[Terminal]:
 
 
 def on_line(packet: bytes) -> bytes:
-    return framed(packet, 5, serial=True)
+    return frame_packet(packet, 5, serial=True)
 
 
 def test_what_a_line_spoils_is_skipped_and_what_follows_is_taken(terminal: Terminal) -> None:
@@ -75,11 +75,11 @@ def test_what_a_line_spoils_is_skipped_and_what_follows_is_taken(terminal: Termi
         broken = bytearray(good[1])
         broken[6] ^= 4
         os.write(terminal.ours, b"\x11\x22\x33" + good[0] + bytes(broken) + good[2] + good[3])
-        found = line.take()
+        found = line.take_samples()
         while len(found) < 12:
-            found += line.take()
+            found += line.take_samples()
         assert found == b"".join(bytes((0, 0, n, 7)) for n in (0, 2, 3))
-        assert line.skipped == 3 + len(broken)
+        assert line.skipped_bytes == 3 + len(broken)
 
 
 def test_a_lost_answer_is_said_and_the_next_one_is_not_mistaken(terminal: Terminal) -> None:
@@ -94,7 +94,7 @@ def test_a_lost_answer_is_said_and_the_next_one_is_not_mistaken(terminal: Termin
     with closing(XcpLine(terminal.url, 2.0)) as line:
         thread = threading.Thread(target=answer)
         thread.start()
-        with refused("answer-lost", AnswerLost):
-            line.ask(b"\xfd")
-        assert line.ask(b"\xfd") == b"\xff\2"
+        with refused("answer-lost", AnswerLostError):
+            line.send_command(b"\xfd")
+        assert line.send_command(b"\xfd") == b"\xff\2"
         thread.join()

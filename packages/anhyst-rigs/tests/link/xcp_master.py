@@ -14,9 +14,9 @@ from pyxcp.daq_stim import DaqOnlinePolicy
 from pyxcp.master.master import Master
 from pyxcp.types import XcpResponseError
 
-from anhyst.support.xcp_map import AREAS, INPUTS, SETTINGS, SIGNALS
-from anhyst_rigs.link.virtual_boards import Running
-from anhyst_rigs.link.wire import key_for
+from anhyst.support.xcp_map import AREA_ADDRESSES, INPUTS, SETTINGS, SIGNALS
+from anhyst_rigs.link.virtual_boards import RunningFirmware
+from anhyst_rigs.link.wire import compute_key
 
 ECU, XCP = 0x01, 0x02
 SEGMENT = 0
@@ -29,7 +29,7 @@ PATIENCE = 20.0
 """For samples that are still on their way, s."""
 
 ADDRESSES = {
-    value.name: AREAS[area] + 4 * number
+    value.name: AREA_ADDRESSES[area] + 4 * number
     for area, values in (("signal", SIGNALS), ("setting", SETTINGS), ("input", INPUTS))
     for number, value in enumerate(values)
 }
@@ -69,10 +69,10 @@ class Samples(DaqOnlinePolicy):
 
 @contextmanager
 def master_on(
-    board: Running, policy: Samples | None = None, unlocked: bool = False
+    board: RunningFirmware, policy: Samples | None = None, unlocked: bool = False
 ) -> Iterator[Any]:
     """Connect a master to a board over TCP."""
-    where = {"host": "127.0.0.1", "port": board.xcp, "protocol": "TCP", "tcp_nodelay": True}
+    where = {"host": "127.0.0.1", "port": board.xcp_port, "protocol": "TCP", "tcp_nodelay": True}
     with _master("eth", {"Eth": where}, policy, unlocked) as master:
         yield master
 
@@ -92,7 +92,7 @@ def _master(
 ) -> Iterator[Any]:
     general = {
         "disable_error_handling": True,
-        "seed_n_key_function": lambda resource, seed: key_for(seed),
+        "seed_n_key_function": lambda resource, seed: compute_key(seed),
     }
     config = create_application_from_config(
         {"Transport": where, "General": general}, logging.CRITICAL

@@ -51,7 +51,7 @@ def running(
     """Let a firmware run by the clock until the test ends."""
     done = threading.Event()
     with run_host(firmware, plant, link, xcp) as host:
-        board = Board(host.url, f"socket://127.0.0.1:{host.xcp}", host.bus, done.set)
+        board = Board(host.url, f"socket://127.0.0.1:{host.xcp_port}", host.bus, done.set)
 
         def run() -> None:
             last, owed = time.monotonic(), 0.0
@@ -67,8 +67,8 @@ def running(
             except InputError:
                 pass  # the test ended the firmware
             finally:
-                if host.wire is not None:
-                    host.wire.close()  # the firmware ends with it
+                if host.bus_socket is not None:
+                    host.bus_socket.close()  # the firmware ends with it
 
         thread = threading.Thread(target=run)
         thread.start()

@@ -17,13 +17,13 @@ import pytest
 from anhyst_rigs.dashboard.improver import Improver
 from anhyst_rigs.dashboard.recording import start_recording
 from anhyst_rigs.dashboard.session import LiveSession
-from anhyst_rigs.dashboard.verb import listen_on, make_server, opened
+from anhyst_rigs.dashboard.verb import listen_on, make_server, open_prepared
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.force import ForceBench
 from anhyst_rigs.rig.bench.protocol import Bench
 from anhyst_rigs.study.improve import DrawnLoop
-from anhyst_rigs.study.prepared import Prepared, PreparedForce
-from anhyst_rigs.study.tracking.beside import BenchLearner
+from anhyst_rigs.study.prepared_benches import Prepared, PreparedForce
+from anhyst_rigs.study.tracking.online_calibration import BenchCalibrator
 from tests.live.improving import unknown_iron
 from tests.once import made_once
 from tests.rig import forces
@@ -91,7 +91,7 @@ def serving(
     record: Path | None = None,
     improver: Improver | None = None,
     curves: Sequence[DrawnLoop] = (),
-    learner: BenchLearner | None = None,
+    learner: BenchCalibrator | None = None,
 ) -> Iterator[Served]:
     """Serve a session of a bench, which is closed with it."""
     recording = start_recording(record, bench.signals, bench.rate) if record else None
@@ -131,7 +131,7 @@ def serve(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Serve]:
         ) -> Served:
             improver, learner = None, None
             if prepared is not None:
-                bench, improver, learner = opened(prepared)
+                bench, improver, learner = open_prepared(prepared)
             bench = bench or BearingBench(bearings.single(), request.getfixturevalue("firmware"))
             return stack.enter_context(
                 serving(bench, folder, improver=improver, learner=learner, **given)

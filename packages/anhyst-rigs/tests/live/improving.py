@@ -10,9 +10,9 @@ import numpy as np
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
 from anhyst_rigs.rig.force.file import read_rig
-from anhyst_rigs.rig.force.programs import loops_at, loops_of_rig
+from anhyst_rigs.rig.force.programs import loops_at_gap, read_rig_loops
 from anhyst_rigs.study.force_control import build_program
-from anhyst_rigs.study.prepared import PreparedForce
+from anhyst_rigs.study.prepared_benches import PreparedForce
 from tests.study.measured_rigs import measured_rig
 from tests.truths import truth
 
@@ -43,7 +43,7 @@ def unknown_iron(folder: Path) -> PreparedForce:
         text = text.replace(line, f"{key} = {value}")
     solenoid.write_text(text, encoding="utf-8")
     rig = read_rig(path)
-    loops = loops_at(loops_of_rig(rig), GAP)
+    loops = loops_at_gap(read_rig_loops(rig), GAP)
     program = build_program(
         "full", truth("solenoid-held"), rig.settings.timing.rate_Hz, "library", folder / "c"
     )
@@ -52,12 +52,12 @@ def unknown_iron(folder: Path) -> PreparedForce:
 
 def pinned_more(prepared: PreparedForce, factor: float) -> PreparedForce:
     """Return the same controller before an iron that became harder."""
-    file = prepared.whole.solenoid_file
+    file = prepared.complete_rig.solenoid_file
     assert file is not None
     scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
     iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
     other = file.model_copy(update={"iron": iron})
-    return replace(prepared, whole=replace(prepared.whole, solenoid_file=other))
+    return replace(prepared, complete_rig=replace(prepared.complete_rig, solenoid_file=other))
 
 
 def swung(prepared: PreparedForce, cycles: int, period: float = 1.0) -> FloatArray:

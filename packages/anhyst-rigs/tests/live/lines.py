@@ -10,7 +10,7 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
-from anhyst_rigs.link.wire import framed, split
+from anhyst_rigs.link.wire import frame_packet, split_packets
 
 _POLL_S = 0.02
 
@@ -88,18 +88,18 @@ def _reframe(ours: int, far: socket.socket, way: Way) -> None:
     while not way.ended.is_set():
         ends = select.select([ours, far.fileno()], [], [], _POLL_S)[0]
         if ours in ends:
-            message = split(commands + os.read(ours, 1 << 16), serial=True)
+            message = split_packets(commands + os.read(ours, 1 << 16), serial=True)
             commands = message.rest
             for packet in message.packets if way.carries else ():
-                far.sendall(framed(packet))
+                far.sendall(frame_packet(packet))
         if far.fileno() in ends:
             data = far.recv(1 << 16)
             if not data:
                 return
-            came = split(samples + data)
+            came = split_packets(samples + data)
             samples = came.rest
             for packet in came.packets if way.carries else ():
-                os.write(ours, framed(packet, serial=True))
+                os.write(ours, frame_packet(packet, serial=True))
 
 
 def _running(way: Way, run: Callable[[], None]) -> Iterator[Way]:

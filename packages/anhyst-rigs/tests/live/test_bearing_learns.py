@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.support.block_words import GENERATION_AT, regenerate
+from anhyst.support.block_words import GENERATION_INDEX, set_generation
 from anhyst.support.states import Command
-from anhyst_rigs.dashboard.verb import opened
+from anhyst_rigs.dashboard.verb import open_prepared
 from anhyst_rigs.rig.bench.bearing import BearingBench
-from anhyst_rigs.rig.drift import Drift, changed, drifted_file
-from anhyst_rigs.rig.fitting import calibrated
-from anhyst_rigs.study.prepared import PreparedBearing, block_of
-from anhyst_rigs.study.tracking.beside import BearingLearner
-from anhyst_rigs.study.tracking.learner import Learner
+from anhyst_rigs.rig.drift import Drift, change_rig, drifted_file
+from anhyst_rigs.rig.fitting import calibrate_magnet
+from anhyst_rigs.study.prepared_benches import PreparedBearing, fixed_point_block
+from anhyst_rigs.study.tracking.estimator import ParameterEstimator
+from anhyst_rigs.study.tracking.online_calibration import BearingCalibrator
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, until
 from tests.refusals import refused
@@ -29,7 +29,7 @@ WRONG = Drift(pinning=0.2, gap_offset=10e-6)
 def prepared(firmware: Path) -> PreparedBearing:
     """The example, whose plant is not what its controller was made for."""
     of = bearings.single()
-    rig = changed(of.rig, {"spread.gap_zero_m": 5e-6})
+    rig = change_rig(of.rig, {"spread.gap_zero_m": 5e-6})
     rig = replace(rig, settings=drifted_file(rig.settings, WRONG))
     return PreparedBearing(replace(of, rig=rig), bearings.knowledge().model, firmware)
 
@@ -39,10 +39,10 @@ class Beside:
 
     def __init__(self, found: PreparedBearing) -> None:
         self.prepared = found
-        bench, improver, learner = opened(found)
+        bench, improver, learner = open_prepared(found)
         assert isinstance(bench, BearingBench)
         assert improver is not None
-        assert isinstance(learner, BearingLearner)
+        assert isinstance(learner, BearingCalibrator)
         improver.close()
         self.bench, self.learner = bench, learner
 
@@ -50,7 +50,7 @@ class Beside:
         for _ in range(round(200 * seconds)):
             side = 1.0 if self.bench.tick // 2000 % 2 else -1.0
             self.bench.demand(bearings.GAP + side * swing)
-            self.learner.take(self.bench.advance(100), lambda act: act())
+            self.learner.process_rows(self.bench.advance(100), lambda act: act())
 
     def lift(self) -> None:
         self.advance(0.01)
@@ -76,7 +76,7 @@ def test_a_bearing_that_learns_in_the_air_leaves_a_fifth_of_its_force_error(besi
     beside.advance(1.0, 40e-6)
     before = beside.off()
     assert beside.learner.laps[-1].values == {}
-    beside.learner.turn(True)
+    beside.learner.switch(True)
     beside.advance(3.0, 40e-6)
     assert beside.off() < before / 5.0
     last = beside.learner.laps[-1]
@@ -93,7 +93,7 @@ def test_a_bearing_that_learns_in_the_air_leaves_a_fifth_of_its_force_error(besi
     beside.bench.load(150.0)
     assert (len(beside.learner.laps), beside.learner.laps[-1].values) == (count, values)
     beside.learner.revert()
-    beside.learner.turn(False)
+    beside.learner.switch(False)
     beside.advance(2.0, 40e-6)
     assert beside.off() > 0.8 * before
     assert beside.learner.laps[-1].values == {}
@@ -103,15 +103,17 @@ def test_a_bearing_that_learns_in_the_air_leaves_a_fifth_of_its_force_error(besi
 def test_what_makes_the_force_worse_is_taken_back_and_ends_learning(
     beside: Beside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    beside.learner.turn(True)
+    beside.learner.switch(True)
     beside.advance(2.0, 40e-6)
-    monkeypatch.setattr(Learner, "learn", lambda *_: None)
+    monkeypatch.setattr(ParameterEstimator, "update", lambda *_: None)
     monkeypatch.setattr(
-        Learner, "step", lambda learner, _: learner.applied.update(gap_zero_m=-2e-5)
+        ParameterEstimator,
+        "follow_estimate",
+        lambda learner, _: learner.applied_values.update(gap_zero_m=-2e-5),
     )
     beside.advance(3.5, 40e-6)
     monkeypatch.undo()
-    assert not beside.learner.on
+    assert not beside.learner.is_on
     assert "without what was learnt" in beside.learner.status()["trouble"]
     beside.advance(2.0, 40e-6)
     assert beside.off() < 1.1 * beside.learner.status()["before"]["full"]
@@ -135,24 +137,24 @@ def test_rows_that_were_missed_are_waited_out_until_no_current_flows(beside: Bes
 
 def test_a_model_that_somebody_else_swapped_in_stays_in_force(firmware: Path) -> None:
     beside = Beside(prepared(firmware))
-    other = calibrated(bearings.knowledge(), wider=0.5).model
-    words = block_of(beside.prepared.compile(other)).words.tolist()
-    generation = beside.bench.read_block()[GENERATION_AT] + 1
-    beside.bench.swap_block(regenerate(words, generation))
-    beside.learner.turn(True)
+    other = calibrate_magnet(bearings.knowledge(), width_change=0.5).model
+    words = fixed_point_block(beside.prepared.compile(other)).words.tolist()
+    generation = beside.bench.read_block()[GENERATION_INDEX] + 1
+    beside.bench.swap_block(set_generation(words, generation))
+    beside.learner.switch(True)
     beside.learner.revert()
-    assert not beside.learner.on
+    assert not beside.learner.is_on
     assert "another model" in beside.learner.status()["trouble"]
-    assert np.array_equal(beside.bench.read_block(), regenerate(words, generation))
+    assert np.array_equal(beside.bench.read_block(), set_generation(words, generation))
     beside.bench.close()
 
 
 def test_a_pair_that_shares_one_block_is_not_learnt_on(firmware: Path) -> None:
     beside = Beside(prepared(firmware))
     known = bearings.knowledge()
-    learner = BearingLearner(bearings.pair(), known, lambda _: [], beside.bench)
+    learner = BearingCalibrator(bearings.pair(), known, lambda _: [], beside.bench)
     with refused("not-learnt-here"):
-        learner.turn(True)
+        learner.switch(True)
     assert "share one block" in learner.status()["refused"]
     beside.bench.close()
 

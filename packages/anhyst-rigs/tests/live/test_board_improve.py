@@ -16,7 +16,7 @@ from anhyst_rigs.dashboard.session import LiveSession
 from anhyst_rigs.link.firmware import build
 from anhyst_rigs.rig.bench.force import StandPlant
 from anhyst_rigs.study.bench import open_board, prepare_board
-from anhyst_rigs.study.prepared import PreparedForce
+from anhyst_rigs.study.prepared_benches import PreparedForce
 from tests.live.board import Board, running
 from tests.live.conftest import wait_for
 from tests.live.test_improve import done, order
@@ -26,7 +26,10 @@ from tests.repository import ROOT
 
 @pytest.fixture
 def board(prepared: PreparedForce, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Board]:
-    rig, plant = prepared.whole, StandPlant.free(prepared.whole, prepared.program, 0)
+    rig, plant = (
+        prepared.complete_rig,
+        StandPlant.with_operator(prepared.complete_rig, prepared.program, 0),
+    )
     program = build("host", folder_of(prepared), tmp_path_factory.mktemp("board") / "firmware")
     with running(program, plant, rig.settings.timing.rate_Hz) as started:
         wait_for(lambda: started.bus.state is State.IDLE)
@@ -75,7 +78,7 @@ def force_error(session: LiveSession) -> float:
         off = rows[:, at["force"]] - rows[:, at["demand"]]
         return float(np.sqrt(np.mean(np.square(off))))
 
-    return session.do(swing)
+    return session.run_between_chunks(swing)
 
 
 def settings(session: LiveSession) -> dict[str, float]:
@@ -111,7 +114,9 @@ def test_an_unknown_iron_is_measured_identified_and_swapped_in_on_a_board(
 def order_command(session: LiveSession, name: str) -> None:
     from anhyst_rigs.dashboard.orders import perform
 
-    session.do(lambda: perform(session, "browser 1", {"do": "command", "name": name}))
+    session.run_between_chunks(
+        lambda: perform(session, "browser 1", {"do": "command", "name": name})
+    )
 
 
 def test_a_measurement_that_is_stopped_or_cancelled_leaves_the_controller_as_it_was(
@@ -124,7 +129,7 @@ def test_a_measurement_that_is_stopped_or_cancelled_leaves_the_controller_as_it_
         with refused("busy"):
             order_command(session, "run")
         if end == "stop":
-            session.do(lambda: session.stop("somebody"))
+            session.run_between_chunks(lambda: session.stop("somebody"))
         else:
             order(session, "cancel")
         wait_for(lambda: not session.status()["improve"]["step"])
@@ -139,7 +144,7 @@ def test_a_force_limit_is_kept_from_the_first_tick_on(session: LiveSession) -> N
     limit = 30.0
     at = 1 + [signal.name for signal in session.bench.signals].index("force")
     read: list[float] = []
-    session.listen(lambda rows: read.append(float(rows[:, at].max())))
+    session.subscribe(lambda rows: read.append(float(rows[:, at].max())))
     order(session, "measure", limits={"force_N": limit})
     wait_for(lambda: session.status()["improve"]["share"] > 0.0 or not drives(session))
     order(session, "cancel")
@@ -149,7 +154,7 @@ def test_a_force_limit_is_kept_from_the_first_tick_on(session: LiveSession) -> N
 
 def drives(session: LiveSession) -> bool:
     assert session.improver is not None
-    return session.improver.drives
+    return session.improver.is_driving
 
 
 def test_what_does_not_fit_a_board_is_refused(prepared: PreparedForce, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from anhyst_rigs.rig.bench.stage import StageBench
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import make_stage
-from anhyst_rigs.rig.stage.geometry import pull_rows
+from anhyst_rigs.rig.stage.geometry import magnet_rows
 from anhyst_rigs.rig.stage.loop import StageSetup
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, seen, state_is, until
@@ -43,7 +43,7 @@ def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(
     page.select_option("#pose", "gap")
     gaps = [last(page, name) for name in ("gap", *(f"gap_{number}" for number in range(2, 11)))]
     pose = np.ravel(seen(page, "page.body.pose()"))
-    assert -pull_rows(planar().settings) @ pose == pytest.approx(
+    assert -magnet_rows(planar().settings) @ pose == pytest.approx(
         np.array(gaps) - 0.45e-3, abs=1e-10
     )
     # how much it is exaggerated stands on it, chosen by it or by whoever looks

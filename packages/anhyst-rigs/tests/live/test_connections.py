@@ -127,7 +127,7 @@ def test_websocket_stays_open_for_longer_than_a_request_may_take(
             until = time.monotonic() + 2.0
             while time.monotonic() < until:
                 next_message(line, "status")
-    assert served.session.ended == ""
+    assert served.session.end_reason == ""
 
 
 def test_connection_serves_one_request_after_the_other(

@@ -13,8 +13,8 @@ from anhyst_rigs.dashboard.improver import Improver
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.force import ForceBench
 from anhyst_rigs.rig.bench.protocol import Signal
-from anhyst_rigs.study.improve import BenchWatch
-from anhyst_rigs.study.prepared import PreparedBearing, PreparedForce
+from anhyst_rigs.study.improve import BenchMonitor
+from anhyst_rigs.study.prepared_benches import PreparedBearing, PreparedForce
 from tests.live.improving import pinned_more, swung
 from tests.refusals import refused
 from tests.study import bearings
@@ -29,10 +29,10 @@ def usual(prepared: PreparedForce) -> FloatArray:
     return swung(prepared, LEARNT + 10)
 
 
-def watched(prepared: PreparedForce, *parts: FloatArray) -> BenchWatch:
-    watch = BenchWatch(prepared.model, ForceBench.signals, RATE)
+def watched(prepared: PreparedForce, *parts: FloatArray) -> BenchMonitor:
+    watch = BenchMonitor(prepared.model, ForceBench.signals, RATE)
     for part in parts:
-        watch.take(part)
+        watch.add_rows(part)
     return watch
 
 
@@ -61,7 +61,7 @@ def test_what_is_found_does_not_depend_on_how_rows_arrive(
 
 def test_a_bench_that_does_not_say_enough_is_refused(prepared: PreparedForce) -> None:
     with refused("no-such-signal: gap_read"):
-        BenchWatch(prepared.model, [Signal("current_read", "A", "")], RATE)
+        BenchMonitor(prepared.model, [Signal("current_read", "A", "")], RATE)
 
 
 @pytest.mark.slow
@@ -73,10 +73,10 @@ def test_a_pair_of_magnets_is_refused_for_its_rows_say_the_sum_of_two_forces(
     for prepared, watched in ((single, True), (pair, False)):
         improver = Improver(prepared, bench)
         if watched:
-            BenchWatch(improver.to_watch().model, bench.signals, bench.rate).take(
+            BenchMonitor(improver.model_to_monitor().model, bench.signals, bench.rate).add_rows(
                 bench.advance(400)
             )
         else:
             with refused("force-of-a-pair"):
-                improver.to_watch()
+                improver.model_to_monitor()
         improver.close()

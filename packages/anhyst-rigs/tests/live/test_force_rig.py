@@ -9,7 +9,7 @@ import pytest
 
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, State
-from anhyst_rigs.dashboard.generator import Generator
+from anhyst_rigs.dashboard.generator import PeriodicWave
 from anhyst_rigs.dashboard.session import LiveSession
 from anhyst_rigs.rig.bench.force import ForceBench
 from tests.live.conftest import Serve, Show, wait_for
@@ -27,42 +27,42 @@ def session(force_bench: ForceBench) -> Iterator[LiveSession]:
 
 def up(session: LiveSession) -> None:
     wait_for(lambda: session.status()["state"] == State.IDLE)
-    session.do(lambda: session.bench.command(Command.DEMAGNETISED))
-    session.do(lambda: session.bench.command(Command.RUN))
+    session.run_between_chunks(lambda: session.bench.command(Command.DEMAGNETISED))
+    session.run_between_chunks(lambda: session.bench.command(Command.RUN))
 
 
 def test_a_run_begins_at_zero_and_a_generator_stays_within_the_range(session: LiveSession) -> None:
     with refused("wrong-state demand"):
-        session.do(lambda: session.bench.demand(10.0))
+        session.run_between_chunks(lambda: session.bench.demand(10.0))
     up(session)
-    session.do(lambda: session.bench.demand(10.0))
+    session.run_between_chunks(lambda: session.bench.demand(10.0))
     assert session.status()["target"] == 10.0
     begin = session.bench.tick + 1
     with refused("out-of-range generator: 21 N; 40 N"):
-        session.do(lambda: session.generate(Generator("sine", 11.0, 2.0, begin)))
-    session.do(lambda: session.generate(Generator("sine", 5.0, 2.0, begin)))
+        session.run_between_chunks(lambda: session.generate(PeriodicWave("sine", 11.0, 2.0, begin)))
+    session.run_between_chunks(lambda: session.generate(PeriodicWave("sine", 5.0, 2.0, begin)))
     with refused("out-of-range"):
-        session.do(lambda: session.bench.demand(2.0))
-    session.do(lambda: session.stop("somebody"))
+        session.run_between_chunks(lambda: session.bench.demand(2.0))
+    session.run_between_chunks(lambda: session.stop("somebody"))
     assert session.status()["generator"] is None
     wait_for(lambda: session.status()["state"] == State.READY)
     tick = session.bench.tick
     wait_for(lambda: session.bench.tick > tick + 0.5 * session.bench.rate)  # no current any more
-    session.do(lambda: session.bench.command(Command.RUN))
+    session.run_between_chunks(lambda: session.bench.command(Command.RUN))
     assert session.status()["target"] == 0.0
-    assert not session.ended
+    assert not session.end_reason
 
 
 def test_a_generator_ends_where_the_bench_takes_no_more_of_it(
     force_bench: ForceBench, session: LiveSession
 ) -> None:
     up(session)
-    session.do(lambda: session.bench.demand(10.0))
+    session.run_between_chunks(lambda: session.bench.demand(10.0))
     begin = session.bench.tick + 1
-    session.do(lambda: session.generate(Generator("sine", 5.0, 2.0, begin)))
+    session.run_between_chunks(lambda: session.generate(PeriodicWave("sine", 5.0, 2.0, begin)))
     seen: list[FloatArray] = []
-    session.listen(seen.append)
-    session.do(lambda: force_bench.command(Command.IDLE))  # past the page
+    session.subscribe(seen.append)
+    session.run_between_chunks(lambda: force_bench.command(Command.IDLE))  # past the page
     wait_for(lambda: len(seen) > 20)
     assert session.status()["generator"] is None
     assert "generator off: demand: a force is demanded in the state run" in session.log[-1].text

@@ -14,8 +14,8 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from anhyst.cli.app import main
-from anhyst_rigs.dashboard.browsers import POLICY, read_address
-from anhyst_rigs.dashboard.server import CLIENTS_MOST
+from anhyst_rigs.dashboard.browsers import CONTENT_SECURITY_POLICY, read_address
+from anhyst_rigs.dashboard.server import MAX_CLIENTS
 from tests.live.conftest import Serve, Served, wait_for
 from tests.refusals import refused, says
 
@@ -99,10 +99,10 @@ def test_the_page_may_load_its_own_files_alone(serve: Serve) -> None:
     for path in ("/", "/assets/main.js", "/assets/uplot/LICENSE"):
         answer = get(served, path)
         assert answer.status == 200
-        assert answer.headers["content-security-policy"] == POLICY
+        assert answer.headers["content-security-policy"] == CONTENT_SECURITY_POLICY
         assert answer.headers["x-content-type-options"] == "nosniff"
         assert answer.headers["set-cookie"] is None
-    assert "unsafe" not in POLICY
+    assert "unsafe" not in CONTENT_SECURITY_POLICY
     assert get(served, "/assets/../server.py").status == 404
     assert get(served, "/assets/%2e%2e/server.py").status == 404
 
@@ -146,13 +146,13 @@ def test_a_flood_of_messages_ends_the_connection_and_not_the_bench(serve: Serve)
             flood(line)
     before = served.session.bench.tick
     wait_for(lambda: served.session.bench.tick > before + 1000)
-    assert served.session.ended == ""
+    assert served.session.end_reason == ""
 
 
 def test_so_many_browsers_and_no_more(serve: Serve) -> None:
     served = serve()
     with ExitStack() as lines:
-        for n in range(CLIENTS_MOST):
+        for n in range(MAX_CLIENTS):
             assert next_message(lines.enter_context(meet(served)), "bench")["you"] == n + 1
         with meet(served) as line, pytest.raises(ConnectionClosed):
             next_message(line, "bench")
@@ -188,7 +188,7 @@ def test_two_operators_cannot_command_at_once(serve: Serve) -> None:
         order(first, "hand over", yes=True)
         assert "reason" not in order(second, "load", value=90.0)
         assert says(order(first, "load", value=80.0)["reason"], "another-operates")
-        assert served.session.bench.pulled == 90.0
+        assert served.session.bench.load_N == 90.0
 
 
 @pytest.mark.parametrize(

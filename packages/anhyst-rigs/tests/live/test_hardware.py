@@ -16,7 +16,7 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.dashboard.recording import start_recording
 from anhyst_rigs.dashboard.session import LiveSession
-from anhyst_rigs.link.client import Refused
+from anhyst_rigs.link.client import RequestRefusedError
 from anhyst_rigs.link.frames import Setting
 from anhyst_rigs.link.virtual_boards import Reading
 from anhyst_rigs.link.xcp import XcpMaster
@@ -48,7 +48,7 @@ def manifest(program: Program) -> dict[str, Any]:
 def board(program: Program) -> Iterator[Board]:
     rig = forces.example()
     with running(
-        program.firmware, StandPlant.free(rig, program, 0), rig.settings.timing.rate_Hz
+        program.firmware, StandPlant.with_operator(rig, program, 0), rig.settings.timing.rate_Hz
     ) as started:
         wait_for(lambda: started.bus.state is State.IDLE)
         yield started
@@ -91,7 +91,7 @@ def test_what_is_refused_changes_nothing_and_says_why(bench: HardwareBench) -> N
     bench.advance(5)
     with refused("wrong-state demand"):
         bench.demand(10.0)
-    with refused("refused state", Refused):
+    with refused("refused state", RequestRefusedError):
         bench.command(Command.RUN)
     run(bench)
     with refused("out-of-range"):
@@ -152,9 +152,9 @@ def session(bench: HardwareBench, tmp_path: Path) -> Iterator[LiveSession]:
 
 
 def operated(session: LiveSession) -> None:
-    session.do(lambda: session.bench.command(Command.DEMAGNETISED))
-    session.do(lambda: session.bench.command(Command.RUN))
-    session.do(lambda: session.bench.demand(20.0))
+    session.run_between_chunks(lambda: session.bench.command(Command.DEMAGNETISED))
+    session.run_between_chunks(lambda: session.bench.command(Command.RUN))
+    session.run_between_chunks(lambda: session.bench.demand(20.0))
     wait_for(lambda: session.status()["state"] == State.RUN)
 
 
@@ -167,7 +167,7 @@ def test_a_controller_whose_power_goes_is_said_to_be_lost_and_the_recording_is_w
     board.pull()
     wait_for(lambda: "is gone" in session.status()["lost"])
     with refused("port-gone"):
-        session.do(lambda: session.bench.demand(10.0))
+        session.run_between_chunks(lambda: session.bench.demand(10.0))
     session.close()
     rows = numbers(tmp_path / "run.csv")
     assert (np.diff(rows[:, 0]) == 1.0).all()
@@ -176,10 +176,10 @@ def test_a_controller_whose_power_goes_is_said_to_be_lost_and_the_recording_is_w
 
 def test_a_controller_is_stopped_by_one_order(session: LiveSession, board: Board) -> None:
     operated(session)
-    session.do(lambda: session.stop("somebody"))
+    session.run_between_chunks(lambda: session.stop("somebody"))
     wait_for(lambda: session.status()["state"] == State.READY)
     wait_for(lambda: abs(board.bus.drive) < 1e-6)
-    assert not session.ended
+    assert not session.end_reason
 
 
 def test_a_session_that_ends_lets_the_controller_rest(session: LiveSession, board: Board) -> None:
@@ -223,7 +223,7 @@ class HeldArmature:
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         del tick
-        return Reading(0.5, 0.0, currents[0], position=0.0, further=currents[1:])
+        return Reading(0.5, 0.0, currents[0], position=0.0, further_currents=currents[1:])
 
 
 def test_a_board_that_levitates_offers_compensation_and_gains(host_firmware: Path) -> None:

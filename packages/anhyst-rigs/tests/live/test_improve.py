@@ -13,12 +13,12 @@ import pytest
 
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.model.parameters import Parameter
-from anhyst.support.block_words import regenerate
+from anhyst.support.block_words import set_generation
 from anhyst.support.states import Command, State
-from anhyst_rigs.dashboard.improver import Improver, Job
+from anhyst_rigs.dashboard.improver import Improver, ProcessJob
 from anhyst_rigs.dashboard.orders import perform
 from anhyst_rigs.dashboard.session import LiveSession
-from anhyst_rigs.study.prepared import PreparedBearing, PreparedForce, block_of
+from anhyst_rigs.study.prepared_benches import PreparedBearing, PreparedForce, fixed_point_block
 from tests.live.conftest import wait_for
 from tests.live.jobs import dies, forever
 from tests.refusals import refused
@@ -35,7 +35,7 @@ def session(prepared: PreparedForce) -> Iterator[LiveSession]:
 
 def order(session: LiveSession, step: str, **fields: Any) -> Mapping[str, Any]:
     message = {"do": "improve", "step": step, **fields}
-    return session.do(lambda: perform(session, "browser 1", message))
+    return session.run_between_chunks(lambda: perform(session, "browser 1", message))
 
 
 def done(session: LiveSession, step: str) -> Mapping[str, Any]:
@@ -67,7 +67,7 @@ def force_error(session: LiveSession) -> float:
         off = rows[:, 1 + names.index("force")] - rows[:, 1 + names.index("demand")]
         return float(np.sqrt(np.mean(np.square(off))))
 
-    return session.do(swing)
+    return session.run_between_chunks(swing)
 
 
 def reach(session: LiveSession, state: State) -> None:
@@ -82,10 +82,10 @@ def reach(session: LiveSession, state: State) -> None:
 def test_an_unknown_iron_is_measured_identified_and_swapped_in_while_the_bench_runs(
     session: LiveSession,
 ) -> None:
-    session.do(lambda: reach(session, State.IDLE))
+    session.run_between_chunks(lambda: reach(session, State.IDLE))
     before = force_error(session)
     assert session.improver is not None
-    known = session.improver.known.curves
+    known = session.improver.known_model.curves
     with refused("step-missing"):
         order(session, "identify")
     with refused("step-missing"):
@@ -134,7 +134,7 @@ def test_a_drive_keeps_to_limits_that_are_drawn_tighter(session: LiveSession) ->
 @pytest.mark.slow
 def test_a_job_says_how_far_it_is_and_ends_when_it_is_cancelled() -> None:
     ended: list[object] = []
-    job = Job(forever, ended=ended.append)
+    job = ProcessJob(forever, ended=ended.append)
     wait_for(lambda: job.share == 0.25)
     job.cancel()
     assert job._process.exitcode != 0  # it did not come to its end
@@ -144,7 +144,7 @@ def test_a_job_says_how_far_it_is_and_ends_when_it_is_cancelled() -> None:
 @pytest.mark.slow
 def test_a_job_that_dies_says_so() -> None:
     ended: list[object] = []
-    Job(dies, ended=ended.append)
+    ProcessJob(dies, ended=ended.append)
     wait_for(lambda: ended)
     assert "ended without a result" in str(ended[0])
 
@@ -162,7 +162,7 @@ def test_what_is_compiled_for_a_bearing_that_flies_is_what_it_flies_with(firmwar
     prepared = PreparedBearing(flying, bearings.knowledge().model, firmware)
     running = flying.compensator.parameters
     assert isinstance(running, HysteresisInverse)
-    same = block_of(prepared.compile(prepared.model))
+    same = fixed_point_block(prepared.compile(prepared.model))
     assert same.scales == running.scales
     assert same.words.tolist() == running.block.words.tolist()
     seen = prepared.model.valid
@@ -181,7 +181,9 @@ def test_a_model_is_swapped_in_while_a_bearing_hovers(firmware: Path) -> None:
     bench.command(Command.LIFT)
     bench.advance(10_000)
     other = replace(prepared.model, parameters=scaled(prepared.model.parameters, "c_H", 0.9))
-    first = bench.swap_block(regenerate(block_of(prepared.compile(other)).words.tolist(), 9))
+    first = bench.swap_block(
+        set_generation(fixed_point_block(prepared.compile(other)).words.tolist(), 9)
+    )
     rows = bench.advance(4000)
     bench.close()
     assert first == rows[0, 0]

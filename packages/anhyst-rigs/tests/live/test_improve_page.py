@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from anhyst.support.states import State
-from anhyst_rigs.study.prepared import PreparedForce
+from anhyst_rigs.study.prepared_benches import PreparedForce
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, state_is, until
 

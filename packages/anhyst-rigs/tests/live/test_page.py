@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst.support.states import Fault, State
-from anhyst_rigs.dashboard.browsers import Outbox
+from anhyst_rigs.dashboard.browsers import RowQueue
 from tests.live.conftest import Serve, Served, Show, wait_for
 from tests.live.test_recorder import numbers
 
@@ -112,7 +112,7 @@ def test_a_watcher_may_stop_and_takes_over_when_asked(serve: Serve, show: Show) 
 @pytest.fixture
 def _every_row(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a page get all samples however slow it is: else it is sent fewer (test_frames.py)."""
-    monkeypatch.setattr("anhyst_rigs.dashboard.server.Outbox", partial(Outbox, 10**8))
+    monkeypatch.setattr("anhyst_rigs.dashboard.server.RowQueue", partial(RowQueue, 10**8))
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.dashboard.recording import Span
+from anhyst_rigs.dashboard.recording import RecordingSpan
 from tests.live.conftest import Served, shown, wait_for
 from tests.live.test_page import lift, press, ready, seen, state_is, until
 from tests.live.test_recorder import numbers
@@ -33,7 +33,7 @@ def opened(browser: Browser, bearing: Served) -> Iterator[Page]:
 @pytest.fixture
 def page(opened: Page, bearing: Served) -> Page:
     """The scope, which follows a short window; its cursors are off."""
-    bearing.session.paced.resume()
+    bearing.session.pacer.resume()
     opened.keyboard.press("1")
     seen(opened, "page.scope.setWindow(0.1), page.scope.follow()")
     seen(opened, "(page.scope.cursors.ticks = []).length")
@@ -155,7 +155,7 @@ def test_the_wheel_zooms_at_the_pointer_and_a_double_click_goes_back(page: Page)
 
 @pytest.mark.slow
 def test_the_view_is_saved_as_a_table_and_as_a_picture(page: Page, bearing: Served) -> None:
-    bearing.session.paced.pause()  # so that all that is seen is among the last seconds
+    bearing.session.pacer.pause()  # so that all that is seen is among the last seconds
     page.keyboard.press("Space")
     until(page, "window.anhyst.scope.view.to === window.anhyst.scope.held")
     wanted = columns(page)
@@ -164,7 +164,9 @@ def test_the_view_is_saved_as_a_table_and_as_a_picture(page: Page, bearing: Serv
     rows = np.genfromtxt(table.value.path(), delimiter=",", names=True)
     assert rows.dtype.names == ("tick", "t_s", "gap_m", "reference_m", "F_N", "I_A")
     assert np.array_equal(rows["tick"], wanted["tick"])
-    bearing.session.do(lambda: bearing.session.record("last.csv", Span(10.0, 0.0)))
+    bearing.session.run_between_chunks(
+        lambda: bearing.session.record("last.csv", RecordingSpan(10.0, 0.0))
+    )
     path = bearing.session.recorder.folder / "last.csv"
     wait_for(lambda: bearing.session.recorder.status() is None)
     recorded = numbers(path)

@@ -19,12 +19,12 @@ from anhyst.cli.app import main
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.states import Command, State
-from anhyst_rigs.dashboard.generator import Generator
+from anhyst_rigs.dashboard.generator import PeriodicWave
 from anhyst_rigs.dashboard.session import LiveSession
-from anhyst_rigs.dashboard.verb import opened
+from anhyst_rigs.dashboard.verb import open_prepared
 from anhyst_rigs.study import bench as opening
-from anhyst_rigs.study.bench import prepared_once
-from anhyst_rigs.study.prepared import PreparedPiezo
+from anhyst_rigs.study.bench import prepare_cached
+from anhyst_rigs.study.prepared_benches import PreparedPiezo
 from tests.cli.command import unwrapped
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, seen, state_is, until
@@ -35,21 +35,25 @@ RIG = piezos.EXAMPLE / "rig.toml"
 
 
 def test_a_generator_moves_it_beside_its_triangle_and_is_refused_beyond_the_stack() -> None:
-    session = LiveSession(opened(piezos.prepared())[0])
+    session = LiveSession(open_prepared(piezos.prepared())[0])
     rows: list[FloatArray] = []
-    session.listen(rows.append)
+    session.subscribe(rows.append)
     names = [one.name for one in session.bench.signals]
     try:
         session.start()
-        session.do(lambda: session.bench.command(Command.RUN))
-        session.do(lambda: session.generate(Generator("sine", 2e-6, 5.0, session.bench.tick + 1)))
+        session.run_between_chunks(lambda: session.bench.command(Command.RUN))
+        session.run_between_chunks(
+            lambda: session.generate(PeriodicWave("sine", 2e-6, 5.0, session.bench.tick + 1))
+        )
         wait_for(lambda: session.bench.tick > 6000)
         place = np.concatenate(rows)[3000:, 1 + names.index("position")]
         assert place.max() > 34.5e-6
         assert session.status()["next"] == ""
         assert session.status()["refused"]["run"]
-        session.do(lambda: session.generate(Generator("sine", 4e-6, 5.0, session.bench.tick + 1)))
-        session.do(lambda: session.bench.demand(8e-6))
+        session.run_between_chunks(
+            lambda: session.generate(PeriodicWave("sine", 4e-6, 5.0, session.bench.tick + 1))
+        )
+        session.run_between_chunks(lambda: session.bench.demand(8e-6))
         wait_for(lambda: session.status()["generator"] is None)
         assert "lower the target or the stroke" in session.log[-1].text
         assert session.status()["state"] == State.RUN
@@ -121,7 +125,7 @@ def test_it_is_prepared_once_and_anew_where_its_file_changed(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     rig = tmp_path / "rig.toml"
     rig.write_text(RIG.read_text(encoding="utf-8"), encoding="utf-8")
-    with prepared_once(rig, None) as first:
+    with prepare_cached(rig, None) as first:
         assert isinstance(first, PreparedPiezo)
     prepares: list[object] = []
 
@@ -130,7 +134,7 @@ def test_it_is_prepared_once_and_anew_where_its_file_changed(
         return first
 
     monkeypatch.setattr(opening, "prepare_bench", again)
-    with prepared_once(rig, None) as second:
+    with prepare_cached(rig, None) as second:
         assert isinstance(second, PreparedPiezo)
         assert prepares == []
         benches = first.open(), second.open()
@@ -138,11 +142,11 @@ def test_it_is_prepared_once_and_anew_where_its_file_changed(
         one.command(Command.RUN)
     assert np.array_equal(benches[0].advance(500), benches[1].advance(500))
     rig.write_text(rig.read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    with prepared_once(rig, None):
+    with prepare_cached(rig, None):
         assert len(prepares) == 1
     with (
         pytest.raises(InputError, match="a piezo stage has no controller"),
-        prepared_once(rig, rig),
+        prepare_cached(rig, rig),
     ):
         pass  # kept before, and refused all the same
 

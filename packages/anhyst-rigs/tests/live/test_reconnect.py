@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from anhyst.support.states import Command, Fault, State
-from anhyst_rigs.dashboard.generator import Generator
+from anhyst_rigs.dashboard.generator import PeriodicWave
 from anhyst_rigs.dashboard.recording import start_recording
 from anhyst_rigs.dashboard.session import LiveSession
 from anhyst_rigs.link.virtual_boards import Reading
@@ -49,7 +49,9 @@ class Power:
 
     def on(self, firmware: Path | None = None) -> Board:
         rig = forces.example()
-        plant = StandPlant.free(rig, self.program, 0) if firmware is None else HeldArmature()
+        plant = (
+            StandPlant.with_operator(rig, self.program, 0) if firmware is None else HeldArmature()
+        )
         rate = rig.settings.timing.rate_Hz
         program = firmware or self.program.firmware
         started = self._open.enter_context(running(program, plant, rate, xcp=self._port))
@@ -109,12 +111,14 @@ def test_a_controller_that_was_switched_off_is_found_again_and_stays_at_rest(
     with closing(LiveSession(bench, recording, tmp_path)) as session:
         session.start()
         operated(session)
-        session.do(lambda: session.apply({"compensation": 0.0}))
-        session.do(lambda: session.generate(Generator("sine", 5.0, 2.0, session.bench.tick + 1)))
+        session.run_between_chunks(lambda: session.apply({"compensation": 0.0}))
+        session.run_between_chunks(
+            lambda: session.generate(PeriodicWave("sine", 5.0, 2.0, session.bench.tick + 1))
+        )
         power.off()
         gone(session)
         with refused("port-gone"):
-            session.do(lambda: session.bench.demand(10.0))
+            session.run_between_chunks(lambda: session.bench.demand(10.0))
         started = power.on()
         back(session)
         assert said(session, "lost: ")
@@ -146,8 +150,8 @@ def test_another_firmware_is_not_gone_on_with(
         power.off()
         gone(session)
         power.on(host_firmware)
-        wait_for(lambda: session.ended)
-        assert "controls a position, the folder does not" in session.ended
+        wait_for(lambda: session.end_reason)
+        assert "controls a position, the folder does not" in session.end_reason
 
 
 def test_a_search_has_an_end(power: Power, manifest: Manifest) -> None:
@@ -155,10 +159,10 @@ def test_a_search_has_an_end(power: Power, manifest: Manifest) -> None:
     with closing(LiveSession(opened(power, manifest, patience=0.3))) as session:
         session.start()
         power.off()
-        wait_for(lambda: session.ended)
-        assert says(session.ended, "port-not-open")
+        wait_for(lambda: session.end_reason)
+        assert says(session.end_reason, "port-not-open")
         with refused("port-not-open"):
-            session.do(lambda: session.bench.demand(10.0))
+            session.run_between_chunks(lambda: session.bench.demand(10.0))
 
 
 def test_a_session_that_ends_while_it_searches_leaves_nobody_behind(
@@ -171,7 +175,7 @@ def test_a_session_that_ends_while_it_searches_leaves_nobody_behind(
         gone(session)
     power.on()
     with closing(XcpMaster(power.xcp)) as other:  # one master at a time
-        other.beat()
+        other.send_heartbeat()
 
 
 @pytest.mark.slow
@@ -240,11 +244,11 @@ def test_an_armature_whose_line_is_cut_in_the_air_is_landed_and_found_lying(
     ):
         wait_for(lambda: board.bus.state is State.IDLE)
         bench = HardwareBench(lambda: XcpMaster(port.url), manifest)
-        assert bench.every > 1
+        assert bench.ticks_per_row > 1
         with closing(LiveSession(bench)) as session:
             session.start()
             for command in (Command.DEMAGNETISED, Command.LIFT):
-                session.do(partial(session.bench.command, command))
+                session.run_between_chunks(partial(session.bench.command, command))
             wait_for(lambda: abs(plant.bearing.gap - bearings.GAP) < 2e-6)
             port.cut.set()
             wait_for(lambda: board.bus.state is State.FAULT)

@@ -18,11 +18,11 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
 from anhyst_rigs.dashboard.recording import (
-    KEPT_S,
-    Crossing,
+    BUFFER_S,
+    LevelCrossing,
     RecordingFile,
-    Ring,
-    Span,
+    RecordingSpan,
+    RingBuffer,
     TickRecorder,
     start_recording,
 )
@@ -48,13 +48,13 @@ class Fed:
         self.said: list[str] = []
         self.recorder = TickRecorder(SIGNALS, RATE, folder, self.said.append)
         self.tick = 0
-        self._subscription = Subscription("recorder", 10**6, complete=True)
+        self._subscription = Subscription("recorder", 10**6, is_complete=True)
         self._thread = threading.Thread(target=self.recorder.run, args=(self._subscription,))
         self._thread.start()
 
     def feed(self, count: int) -> None:
         for first in range(self.tick + 1, self.tick + count + 1, 10):
-            self._subscription.give(rows(first, min(10, self.tick + count + 1 - first)))
+            self._subscription.put(rows(first, min(10, self.tick + count + 1 - first)))
         self.tick += count
 
     def close(self) -> None:
@@ -74,35 +74,35 @@ def ended(fed: Fed) -> Callable[[], bool]:
 
 
 def test_the_ring_holds_the_last_rows_however_they_come() -> None:
-    ring = Ring(100, 3)
+    ring = RingBuffer(100, 3)
     first = 1
     for count in (1, 7, 100, 3, 250, 99, 101):
-        ring.put(rows(first, count))
+        ring.append(rows(first, count))
         first += count
     assert ring.total == first - 1
-    assert np.array_equal(ring.take(ring.total - 100, ring.total), rows(first - 100, 100))
-    assert ring.find(first - 40) == ring.total - 40
-    assert ring.find(0) == ring.total - 100
+    assert np.array_equal(ring.read(ring.total - 100, ring.total), rows(first - 100, 100))
+    assert ring.find_tick(first - 40) == ring.total - 40
+    assert ring.find_tick(0) == ring.total - 100
 
 
 def test_the_last_seconds_are_kept_also_while_time_stands(fed: Fed) -> None:
     fed.feed(25_000)
-    fed.recorder.start("last.csv", Span(before=KEPT_S, lasts=0.0), fed.tick)
+    fed.recorder.start("last.csv", RecordingSpan(pretrigger_s=BUFFER_S, duration_s=0.0), fed.tick)
     wait_for(ended(fed))
-    wanted = rows(25_001 - int(KEPT_S * RATE), int(KEPT_S * RATE))
+    wanted = rows(25_001 - int(BUFFER_S * RATE), int(BUFFER_S * RATE))
     assert np.array_equal(np.delete(numbers(fed.recorder.folder / "last.csv"), 1, axis=1), wanted)
 
 
 def test_a_recording_lasts_as_long_as_asked(fed: Fed) -> None:
     fed.feed(3000)
-    fed.recorder.start("span.csv", Span(before=0.5, lasts=1.25), fed.tick)
+    fed.recorder.start("span.csv", RecordingSpan(pretrigger_s=0.5, duration_s=1.25), fed.tick)
     fed.feed(4000)
     wait_for(ended(fed))
     assert np.array_equal(numbers(fed.recorder.folder / "span.csv")[:, 0], np.arange(2501, 4251))
 
 
 def test_one_without_end_is_stopped_at_the_tick_of_the_order(fed: Fed) -> None:
-    fed.recorder.start("run.csv", Span(), fed.tick)
+    fed.recorder.start("run.csv", RecordingSpan(), fed.tick)
     fed.feed(777)
     fed.recorder.stop(fed.tick)
     fed.feed(500)
@@ -114,10 +114,10 @@ def test_one_without_end_is_stopped_at_the_tick_of_the_order(fed: Fed) -> None:
 @pytest.mark.parametrize("rising", [True, False])
 def test_a_crossing_begins_a_recording_with_what_was_before(fed: Fed, rising: bool) -> None:
     level = -5.0
-    crossing = fed.recorder.crossing("force", level, rising)
+    crossing = fed.recorder.make_crossing("force", level, rising)
     fed.feed(2500)  # forces that crossed the level before count for nothing
     wait_for(lambda: fed.recorder._ring.total == 2500)
-    fed.recorder.start("crossed.csv", Span(0.2, 0.3, crossing), fed.tick)
+    fed.recorder.start("crossed.csv", RecordingSpan(0.2, 0.3, crossing), fed.tick)
     assert (fed.recorder.status() or {})["waits"]
     fed.feed(4000)
     wait_for(ended(fed))
@@ -131,12 +131,14 @@ def test_a_crossing_begins_a_recording_with_what_was_before(fed: Fed, rising: bo
 
 
 def test_a_signal_already_beyond_the_level_does_not_trigger() -> None:
-    assert Crossing(1, 0.0, True).find(np.array([1.0, 2.0, 3.0])) is None
-    assert Crossing(1, 0.0, True).find(np.array([-1.0, 0.0, 3.0])) == 1
+    assert LevelCrossing(1, 0.0, True).find(np.array([1.0, 2.0, 3.0])) is None
+    assert LevelCrossing(1, 0.0, True).find(np.array([-1.0, 0.0, 3.0])) == 1
 
 
 def test_one_that_waits_in_vain_leaves_no_file(fed: Fed) -> None:
-    fed.recorder.start("never.mf4", Span(0.0, 1.0, fed.recorder.crossing("force", 99.0, True)), 0)
+    fed.recorder.start(
+        "never.mf4", RecordingSpan(0.0, 1.0, fed.recorder.make_crossing("force", 99.0, True)), 0
+    )
     fed.feed(500)
     fed.recorder.stop(fed.tick)
     assert list(fed.recorder.folder.iterdir()) == []
@@ -150,7 +152,7 @@ def test_one_that_waits_in_vain_leaves_no_file(fed: Fed) -> None:
 def test_nothing_is_written_outside_the_folder(fed: Fed, name: str) -> None:
     before = sorted(fed.recorder.folder.parent.rglob("*"))
     with pytest.raises(InputError) as caught:
-        fed.recorder.start(name, Span(), 0)
+        fed.recorder.start(name, RecordingSpan(), 0)
     assert caught.value.code in {"bad-name", "wrong-ending"}
     assert sorted(fed.recorder.folder.parent.rglob("*")) == before
 
@@ -158,16 +160,16 @@ def test_nothing_is_written_outside_the_folder(fed: Fed, name: str) -> None:
 def test_a_link_to_another_place_is_not_written_through(fed: Fed, tmp_path: Path) -> None:
     (fed.recorder.folder / "link.csv").symlink_to(tmp_path.parent / "elsewhere.csv")
     with refused("exists-already"):
-        fed.recorder.start("link.csv", Span(), 0)
+        fed.recorder.start("link.csv", RecordingSpan(), 0)
     assert not (tmp_path.parent / "elsewhere.csv").exists()
 
 
 def test_one_recording_at_a_time(fed: Fed) -> None:
-    fed.recorder.start("one.csv", Span(), 0)
+    fed.recorder.start("one.csv", RecordingSpan(), 0)
     with refused("busy record: one.csv"):
-        fed.recorder.start("two.csv", Span(), 0)
+        fed.recorder.start("two.csv", RecordingSpan(), 0)
     with refused("out-of-range"):
-        fed.recorder.start("two.csv", Span(before=11.0), 0)
+        fed.recorder.start("two.csv", RecordingSpan(pretrigger_s=11.0), 0)
 
 
 def test_a_full_disk_ends_the_recording_and_not_the_bench(fed: Fed) -> None:
@@ -175,20 +177,20 @@ def test_a_full_disk_ends_the_recording_and_not_the_bench(fed: Fed) -> None:
         def __init__(self) -> None:
             self.path, self.rows = Path("full.csv"), 0
 
-        def put(self, rows: FloatArray) -> None:
+        def write_rows(self, rows: FloatArray) -> None:
             raise OSError(28, "No space left on device")
 
-        def note(self, tick: int, text: str) -> None:
+        def write_note(self, tick: int, text: str) -> None:
             pass
 
         def close(self) -> None:
             pass
 
-    fed.recorder.take(Full(), Span(), 0)
+    fed.recorder.start_in_file(Full(), RecordingSpan(), 0)
     fed.feed(100)
-    wait_for(lambda: fed.recorder.trouble)
-    assert fed.recorder.trouble == "full.csv: No space left on device"
-    fed.recorder.start("next.csv", Span(), fed.tick)
+    wait_for(lambda: fed.recorder.error_text)
+    assert fed.recorder.error_text == "full.csv: No space left on device"
+    fed.recorder.start("next.csv", RecordingSpan(), fed.tick)
     fed.feed(100)
     fed.recorder.stop(fed.tick)
     wait_for(ended(fed))
@@ -199,13 +201,13 @@ def test_mdf_is_whole_at_every_moment_and_bit_for_bit(tmp_path: Path) -> None:
     asammdf = pytest.importorskip("asammdf")
     path, copy = tmp_path / "run.mf4", tmp_path / "copy.mf4"
     recorder = start_recording(path, SIGNALS, RATE)
-    recorder.note(0, "in force: load = 5.0 N")
+    recorder.write_note(0, "in force: load = 5.0 N")
     noted, count = ["in force: load = 5.0 N"], 0
     for step in range(6):
-        recorder.put(rows(count + 1, 100 + step))
+        recorder.write_rows(rows(count + 1, 100 + step))
         count += 100 + step
         if step % 2:
-            recorder.note(count, f"browser 1:\nload {step} N")
+            recorder.write_note(count, f"browser 1:\nload {step} N")
             noted.append(f"browser 1: load {step} N")
         shutil.copyfile(path, copy)  # as a kill would leave it
         with asammdf.MDF(copy) as file:
@@ -263,7 +265,7 @@ def test_a_recording_is_a_measurement_for_inspect_and_identify(
     recorders = [start_recording(path, bench.signals, bench.rate) for path in files]
     for part in swing(bench):
         for recorder in recorders:
-            recorder.put(part)
+            recorder.write_rows(part)
     seen = []
     for path, recorder in zip(files, recorders, strict=True):
         recorder.close()

@@ -8,10 +8,15 @@ from pathlib import Path
 import pytest
 
 from anhyst.support.states import Command, State
-from anhyst_rigs.link.client import Refused
+from anhyst_rigs.link.client import RequestRefusedError
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.force import ForceBench
-from anhyst_rigs.rig.bench.protocol import Bench, next_step, refusal, standing
+from anhyst_rigs.rig.bench.protocol import (
+    Bench,
+    controller_status,
+    describe_next_step,
+    refusal_reason,
+)
 from tests.rig import forces
 from tests.study import bearings
 
@@ -55,7 +60,7 @@ def led(bench: Bench, way: Sequence[tuple[Command, float]]) -> dict[str, float]:
 def is_refused(bench: Bench, command: Command) -> bool:
     try:
         bench.command(command)
-    except Refused:
+    except RequestRefusedError:
         return True
     return False
 
@@ -64,8 +69,8 @@ def is_refused(bench: Bench, command: Command) -> bool:
 @pytest.mark.parametrize("way", WAYS)
 def test_what_is_greyed_is_what_the_controller_refuses(opening: Open, way: str) -> None:
     bench = opening()
-    now = standing(led(bench, WAYS[way]))
-    greyed = {command for command in bench.commands if refusal(command, now)}
+    now = controller_status(led(bench, WAYS[way]))
+    greyed = {command for command in bench.commands if refusal_reason(command, now)}
     refused = {command for command in greyed if is_refused(bench, command)}
     bench.close()
     assert greyed == refused
@@ -78,17 +83,17 @@ def test_what_is_greyed_is_what_the_controller_refuses(opening: Open, way: str) 
 
 def test_the_next_step_that_is_named_leads_back_to_run(opening: Open) -> None:
     bench = opening()
-    now, pressed = standing(led(bench, WAYS["stopped"])), []
+    now, pressed = controller_status(led(bench, WAYS["stopped"])), []
     for _ in range(200):
         if now.state is State.RUN:
             break
-        message, _, steps = next_step(bench.commands, now).partition("press ")
+        message, _, steps = describe_next_step(bench.commands, now).partition("press ")
         if not message:
             pressed.append(Command[steps.split(maxsplit=1)[0].strip(",").upper()])
             bench.command(pressed[-1])
-        now = standing(values(bench, 0.05))
+        now = controller_status(values(bench, 0.05))
     assert now.state is State.RUN
-    assert next_step(bench.commands, now) == ""
+    assert describe_next_step(bench.commands, now) == ""
     bearing = [Command.CLEAR, Command.CONDITION, Command.LIFT]
     assert pressed == (bearing if Command.LIFT in bench.commands else [Command.RUN])
     bench.close()

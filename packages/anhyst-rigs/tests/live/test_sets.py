@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst_rigs.dashboard.sets import ENDING, ParameterSets, values_for
+from anhyst_rigs.dashboard.sets import FILE_SUFFIX, ParameterSets, changed_values
 from anhyst_rigs.rig.bench.protocol import Parameter
 from tests.live.conftest import Serve, Served, Show, wait_for
 from tests.live.test_page import ready, until
@@ -27,9 +27,9 @@ def test_a_set_reads_back_bit_for_bit_and_gives_what_differs(tmp_path: Path) -> 
     assert sets.names == ParameterSets(tmp_path).names == ("soft 1",)
     held = sets.read("soft 1")
     assert held["damping"] == {"value": 0.1 + 0.2, "unit": "N s/m"}
-    assert values_for(parameters(0.3), held) == {"damping": 0.1 + 0.2}
-    assert values_for(parameters(0.1 + 0.2), held) == {}
-    assert [one.name for one in tmp_path.iterdir()] == [f"soft 1{ENDING}"]
+    assert changed_values(parameters(0.3), held) == {"damping": 0.1 + 0.2}
+    assert changed_values(parameters(0.1 + 0.2), held) == {}
+    assert [one.name for one in tmp_path.iterdir()] == [f"soft 1{FILE_SUFFIX}"]
 
 
 def test_a_set_is_not_written_over(tmp_path: Path) -> None:
@@ -44,13 +44,13 @@ def test_a_set_is_not_written_over(tmp_path: Path) -> None:
 def test_no_other_folder_is_touched(tmp_path: Path, name: str) -> None:
     folder = tmp_path / "work"
     folder.mkdir()
-    (tmp_path / f"one{ENDING}").write_text("{}")
+    (tmp_path / f"one{FILE_SUFFIX}").write_text("{}")
     sets = ParameterSets(folder)
     with refused("bad-name set"):
         sets.save(name, parameters())
     with refused("bad-name set"):
         sets.read(name)
-    assert sorted(one.name for one in tmp_path.rglob("*")) == [f"one{ENDING}", "work"]
+    assert sorted(one.name for one in tmp_path.rglob("*")) == [f"one{FILE_SUFFIX}", "work"]
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_no_other_folder_is_touched(tmp_path: Path, name: str) -> None:
     ],
 )
 def test_a_file_that_is_no_set_is_refused(tmp_path: Path, text: str, why: str) -> None:
-    (tmp_path / f"one{ENDING}").write_text(text)
+    (tmp_path / f"one{FILE_SUFFIX}").write_text(text)
     with refused(why):
         ParameterSets(tmp_path).read("one")
 
@@ -76,10 +76,10 @@ def test_a_set_of_another_bench_is_refused(tmp_path: Path) -> None:
     sets = ParameterSets(tmp_path)
     sets.save("one", parameters())
     with refused("unknown-parameter: mass"):
-        values_for(parameters()[:1], sets.read("one"))
+        changed_values(parameters()[:1], sets.read("one"))
     other = [parameters()[0], parameters()[1]._replace(unit="g")]
     with refused("units-differ mass: kg; g"):
-        values_for(other, sets.read("one"))
+        changed_values(other, sets.read("one"))
 
 
 def load_damping(served: Served) -> Parameter:
@@ -111,5 +111,5 @@ def test_sets_are_saved_compared_staged_and_rolled_back(serve: Serve, show: Show
     page.locator("#log").evaluate("() => document.activeElement.blur()")
     page.keyboard.press("b")
     wait_for(lambda: load_damping(served).value == new)
-    path = served.session.recorder.folder / f"before{ENDING}"
+    path = served.session.recorder.folder / f"before{FILE_SUFFIX}"
     assert json.loads(path.read_text())["parameters"][one.name]["value"] == old

@@ -50,7 +50,7 @@ def test_a_bench_with_a_page_runs_for_long(
     assert session.status()["state"] == State.RUN
     assert last(page, "state") == State.RUN
     assert session.status()["missing"] == 0
-    assert not session.ended
+    assert not session.end_reason
     served.end()
     ticks = numbers(path)[:, 0]
     assert (ticks[1:] - ticks[:-1] == 1.0).all()

@@ -12,14 +12,14 @@ from anhyst.support.states import Command
 from anhyst_rigs.dashboard.orders import perform
 from anhyst_rigs.dashboard.recording import start_recording
 from anhyst_rigs.dashboard.session import LiveSession
-from anhyst_rigs.dashboard.verb import opened
+from anhyst_rigs.dashboard.verb import open_prepared
 from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.rig.stage.loop import Feedforward
-from anhyst_rigs.study.prepared import PreparedStage
-from anhyst_rigs.study.tracking.beside import StageLearner
+from anhyst_rigs.study.prepared_benches import PreparedStage
 from anhyst_rigs.study.tracking.calibrate import calibrate
-from anhyst_rigs.study.tracking.learner import Learner
+from anhyst_rigs.study.tracking.estimator import ParameterEstimator
 from anhyst_rigs.study.tracking.motion import Motion
+from anhyst_rigs.study.tracking.online_calibration import StageCalibrator
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, state_is, until
 from tests.refusals import refused
@@ -42,12 +42,12 @@ class Beside:
     def __init__(self, found: PreparedStage | None = None) -> None:
         found = found or prepared()
         self.bench = found.open()
-        self.learner = StageLearner(found.magnet, self.bench)
+        self.learner = StageCalibrator(found.magnet, self.bench)
 
     def advance(self, ticks: int) -> None:
         while ticks > 0:
             count = min(ticks, 200)
-            self.learner.take(self.bench.advance(count), lambda act: act())
+            self.learner.process_rows(self.bench.advance(count), lambda act: act())
             ticks -= count
 
     def laps(self, count: int = 1) -> None:
@@ -72,7 +72,7 @@ def test_a_stage_that_learns_from_its_laps_leaves_a_third_of_its_error(beside: B
     before = beside.learner.laps[-1]
     assert before.values == {}
     assert not before.learning
-    beside.learner.turn(True)
+    beside.learner.switch(True)
     beside.laps(5)
     after = beside.learner.laps[-1]
     assert after.average < before.average / 3.0
@@ -83,25 +83,25 @@ def test_a_stage_that_learns_from_its_laps_leaves_a_third_of_its_error(beside: B
 
 def test_a_stage_whose_motion_would_teach_something_else_is_not_learnt_on(beside: Beside) -> None:
     bench = beside.bench
-    slow = bench.rig.settings.changed({"amplifier.bandwidth_Hz": 1000.0})
+    slow = bench.rig.settings.with_changes({"amplifier.bandwidth_Hz": 1000.0})
     bench.rig = replace(bench.rig, settings=slow)
-    learner = StageLearner(bearings.knowledge(), bench)
+    learner = StageCalibrator(bearings.knowledge(), bench)
     with refused("amplifier-too-slow amplifier.bandwidth_Hz"):
-        learner.turn(True)
-    learner.turn(False)
-    assert not learner.on
+        learner.switch(True)
+    learner.switch(False)
+    assert not learner.is_on
     assert learner.status()["refused"]
 
 
 def test_what_was_learnt_is_forgotten_on_one_tick_and_learnt_again(beside: Beside) -> None:
     start(beside)
-    beside.learner.turn(True)
+    beside.learner.switch(True)
     beside.laps(4)
     learnt = beside.learner.laps[-1].average
-    beside.learner.turn(False)
+    beside.learner.switch(False)
     due = beside.learner.revert()
     beside.laps(2)
-    assert due <= beside.bench.laps[-1].begin
+    assert due <= beside.bench.cycles[-1].first_tick
     assert beside.learner.laps[-1].values == {}
     assert beside.learner.laps[-1].average > 2.0 * learnt
 
@@ -111,11 +111,11 @@ def test_a_swap_that_waits_for_the_body_to_rest_is_taken_back_by_a_revert(beside
     for one in (beside, other):
         start(one)
         one.laps()
-    beside.learner.turn(True)
+    beside.learner.switch(True)
     beside.laps()
     beside.advance(200)  # what was learnt waits
     other.advance(beside.bench.tick - other.bench.tick)
-    beside.learner.turn(False)
+    beside.learner.switch(False)
     beside.learner.revert()
     beside.laps(2)
     other.laps(2)
@@ -127,29 +127,29 @@ def test_laps_that_wait_to_be_looked_at_when_all_is_forgotten_teach_nothing(
     beside: Beside,
 ) -> None:
     start(beside)
-    beside.learner.turn(True)
+    beside.learner.switch(True)
     waiting = [beside.bench.advance(200) for _ in range(60)]
     beside.learner.revert()
     for rows in waiting:
-        beside.learner.take(rows, lambda act: act())
+        beside.learner.process_rows(rows, lambda act: act())
     assert [one.values for one in beside.learner.laps] == [{}, {}]
 
 
 def test_laps_of_what_was_forgotten_are_no_measure_of_what_is_learnt_next(beside: Beside) -> None:
     start(beside)
-    beside.learner.turn(True)
+    beside.learner.switch(True)
     beside.laps(6)
     before = beside.learner.status()["before"]["full"]
     last = beside.learner.laps[-1].lap
     waiting = [beside.bench.advance(200)]
-    while beside.bench.laps[-1].number < last + 4:
+    while beside.bench.cycles[-1].number < last + 4:
         waiting.append(beside.bench.advance(200))
     beside.learner.revert()
     for rows in waiting:
-        beside.learner.take(rows, lambda act: act())
+        beside.learner.process_rows(rows, lambda act: act())
     assert beside.learner.status()["before"]["full"] == before
     beside.laps(6)
-    assert beside.learner.on
+    assert beside.learner.is_on
     assert beside.learner.status()["trouble"] == ""
 
 
@@ -157,26 +157,26 @@ def test_at_rest_no_number_moves_however_long(
     beside: Beside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     start(beside)
-    beside.learner.turn(True)
+    beside.learner.switch(True)
     beside.laps(3)
     beside.bench.command(Command.STOP)
     beside.advance(2000)
     before = beside.learner.laps[-1].values, len(beside.learner.laps)
-    learner = dict(beside.learner._learners)["full"]
-    estimate, applied = dict(learner.values), dict(learner.applied)
+    learner = dict(beside.learner._estimators)["full"]
+    estimate, applied = dict(learner.estimate), dict(learner.applied_values)
     beside.bench.load(5.0)
     beside.advance(1_000_000)
     assert (beside.learner.laps[-1].values, len(beside.learner.laps)) == before
-    assert (learner.values, learner.applied) == (estimate, applied)
+    assert (learner.estimate, learner.applied_values) == (estimate, applied)
     # what its iron remembers is not known any more: the first lap after it teaches nothing
     taken: list[int] = []
-    learn = Learner.learn
+    learn = ParameterEstimator.update
 
-    def count(learner: Learner, motion: Motion) -> bool:
+    def count(learner: ParameterEstimator, motion: Motion) -> bool:
         taken.append(1)
         return learn(learner, motion)
 
-    monkeypatch.setattr(Learner, "learn", count)
+    monkeypatch.setattr(ParameterEstimator, "update", count)
     beside.bench.command(Command.RUN)
     beside.laps()
     assert taken == []
@@ -186,7 +186,7 @@ def test_at_rest_no_number_moves_however_long(
 
 def test_a_lap_that_was_broken_off_or_missed_in_part_teaches_nothing(beside: Beside) -> None:
     start(beside)
-    beside.learner.turn(True)
+    beside.learner.switch(True)
     beside.advance(3000)
     beside.bench.command(Command.STOP)
     beside.advance(4000)
@@ -202,15 +202,17 @@ def test_what_makes_the_error_grow_is_taken_back_and_ends_learning(
     beside: Beside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     start(beside)
-    beside.learner.turn(True)
+    beside.learner.switch(True)
     beside.laps(5)
     good = beside.learner.laps[-1]
     # an estimator gone astray: one current is believed to do a hundredth more than it does
-    monkeypatch.setattr(Learner, "learn", lambda learner, _: learner.values.update(scale_1=0.01))
+    monkeypatch.setattr(
+        ParameterEstimator, "update", lambda learner, _: learner.estimate.update(scale_1=0.01)
+    )
     beside.laps(6)
     assert max(one.average for one in beside.learner.laps) > 2.0 * good.average
     monkeypatch.undo()
-    assert not beside.learner.on
+    assert not beside.learner.is_on
     assert "grew from" in beside.learner.status()["trouble"]
     beside.laps(2)
     assert beside.learner.laps[-1].average < 1.5 * good.average
@@ -219,17 +221,17 @@ def test_what_makes_the_error_grow_is_taken_back_and_ends_learning(
 @pytest.mark.slow
 def test_another_plant_is_no_reason_to_take_back_what_was_learnt(beside: Beside) -> None:
     start(beside)
-    beside.learner.turn(True)
+    beside.learner.switch(True)
     beside.laps(4)
     beside.bench.apply({"plant": WRONG + 4.0})
     beside.laps(4)
-    assert beside.learner.on
+    assert beside.learner.is_on
     assert beside.learner.status()["trouble"] == ""
 
 
 def test_each_method_learns_from_the_laps_that_it_drove_itself(beside: Beside) -> None:
     start(beside)
-    beside.learner.turn(True)  # from the first tick on
+    beside.learner.switch(True)  # from the first tick on
     beside.laps(2)
     assert beside.learner.status()["before"]["full"] == beside.learner.laps[0].average
     beside.bench.apply({"compensation": 0.0})
@@ -245,7 +247,7 @@ def test_each_method_learns_from_the_laps_that_it_drove_itself(beside: Beside) -
 
 @pytest.fixture
 def session() -> Iterator[LiveSession]:
-    bench, improver, learner = opened(prepared())
+    bench, improver, learner = open_prepared(prepared())
     found = LiveSession(bench, improver=improver, learner=learner)
     found.start()
     yield found
@@ -253,7 +255,7 @@ def session() -> Iterator[LiveSession]:
 
 
 def order(session: LiveSession, **fields: object) -> Callable[[], object]:
-    return lambda: session.do(lambda: perform(session, "test", fields))
+    return lambda: session.run_between_chunks(lambda: perform(session, "test", fields))
 
 
 def test_a_session_runs_learns_and_takes_it_back(session: LiveSession) -> None:
@@ -271,9 +273,9 @@ def test_a_session_runs_learns_and_takes_it_back(session: LiveSession) -> None:
     count = len(learner.laps)
     wait_for(lambda: len(learner.laps) > count + 1)
     assert learner.laps[-1].values == {}
-    session.do(lambda: session.stop("test"))
+    session.run_between_chunks(lambda: session.stop("test"))
     wait_for(lambda: session.status()["next"] == "press run")
-    assert not session.ended
+    assert not session.end_reason
     with refused("wrong-state: only in the state idle"):
         order(session, do="command", name="lift")()
 
@@ -296,7 +298,7 @@ def test_the_page_shows_what_a_stage_learns_and_takes_it_back(serve: Serve, show
     page = show(served)
     ready(page)
     state_is(page, "ready")
-    served.session.do(lambda: served.session.apply({"plant": WRONG}))
+    served.session.run_between_chunks(lambda: served.session.apply({"plant": WRONG}))
     press(page, "run")
     state_is(page, "run")
     page.get_by_role("tab", name="improve").click()
@@ -322,15 +324,15 @@ def test_laps_that_ended_meanwhile_are_left_out_and_counted(
     beside: Beside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     taken: list[Motion] = []
-    monkeypatch.setattr(Learner, "learn", lambda _, motion: taken.append(motion))
+    monkeypatch.setattr(ParameterEstimator, "update", lambda _, motion: taken.append(motion))
     start(beside)
-    beside.learner.turn(True)
+    beside.learner.switch(True)
     beside.laps()
     waiting = [beside.bench.advance(200)]
-    while beside.bench.laps[-1].number < beside.learner.laps[-1].lap + 4:
+    while beside.bench.cycles[-1].number < beside.learner.laps[-1].lap + 4:
         waiting.append(beside.bench.advance(200))
     for rows in waiting:
-        beside.learner.take(rows, lambda act: act())
+        beside.learner.process_rows(rows, lambda act: act())
     assert [one.learning for one in beside.learner.laps] == [True, False, False, True]
     assert len(taken) == 2
     assert beside.learner.status()["left_out"] == 2
@@ -353,15 +355,15 @@ def test_a_recording_from_the_first_tick_on_can_be_calibrated_from(
     found = make()
     bench = found.open()
     session = LiveSession(bench, start_recording(tmp_path / "run.mf4", bench.signals, bench.rate))
-    session.do(lambda: bench.apply({"plant": WRONG}))
-    session.do(lambda: session.bench.command(Command.RUN))
+    session.run_between_chunks(lambda: bench.apply({"plant": WRONG}))
+    session.run_between_chunks(lambda: session.bench.command(Command.RUN))
     session.start()
-    wait_for(lambda: len(bench.laps) > 2)
+    wait_for(lambda: len(bench.cycles) > 2)
     session.close()
     learnt = calibrate(
         found.setups[0].rig, tmp_path / "run.mf4", magnet=found.magnet, methods=["full"]
     )
-    assert learnt.learnt
+    assert learnt.has_estimates
     assert learnt.file.method[0].fits
 
 
@@ -371,7 +373,7 @@ def test_a_body_of_several_coordinates_learns_from_its_laps_too() -> None:
     start(beside)
     beside.laps(2)
     before = min(one.average for one in beside.learner.laps)
-    beside.learner.turn(True)
+    beside.learner.switch(True)
     beside.laps(4)
     learnt = beside.learner.laps[-1]
     assert learnt.average < before / 2.0
@@ -404,7 +406,7 @@ def test_the_page_shows_what_a_body_of_many_numbers_learns_by_kind_and_by_magnet
     page = show(served)
     ready(page)
     state_is(page, "ready")
-    served.session.do(lambda: served.session.apply({"plant": WRONG}))
+    served.session.run_between_chunks(lambda: served.session.apply({"plant": WRONG}))
     press(page, "run")
     page.keyboard.press("6")
     press(page, "learn from the motion")

@@ -17,7 +17,7 @@ from urllib.request import urlopen
 import pytest
 
 from anhyst import InputError
-from anhyst_rigs.dashboard.starting import start_page
+from anhyst_rigs.dashboard.starting import serve_start_page
 from anhyst_rigs.dashboard.verb import listen_on
 from tests.cli.command import ENVIRONMENT
 from tests.repository import ROOT
@@ -39,7 +39,7 @@ def start_of(port: int) -> dict[str, Any]:
 def test_start_page_shows_the_share_that_is_done() -> None:
     with listen_on("127.0.0.1", 0) as taken:
         port = taken.getsockname()[1]
-        with start_page(taken, "bearing", "building") as start:
+        with serve_start_page(taken, "bearing", "building") as start:
             assert "/assets/start.js" in asked(port, "/")
             assert "fetch(" in asked(port, "/assets/start.js")
             assert start_of(port)["share"] == 0.0
@@ -55,7 +55,7 @@ def test_start_page_leaves_the_port_to_the_next_server() -> None:
     with listen_on("127.0.0.1", 0) as taken:
         port = taken.getsockname()[1]
         for title in ("first", "second"):
-            with start_page(taken, title, "building"):
+            with serve_start_page(taken, title, "building"):
                 assert start_of(port)["title"] == title
 
 
@@ -72,7 +72,7 @@ def test_start_page_shows_why_the_start_failed() -> None:
         page = threading.Thread(target=watch)
 
         def fail() -> None:
-            with start_page(taken, "bearing", "building"):
+            with serve_start_page(taken, "bearing", "building"):
                 page.start()
                 while not shown:
                     time.sleep(0.01)
@@ -87,7 +87,7 @@ def test_start_page_shows_why_the_start_failed() -> None:
 def test_start_page_does_not_wait_for_a_page_that_is_not_open() -> None:
     began = time.monotonic()
     with listen_on("127.0.0.1", 0) as taken, pytest.raises(InputError):  # noqa: SIM117
-        with start_page(taken, "bearing", "building"):
+        with serve_start_page(taken, "bearing", "building"):
             raise InputError("no loops", code="no-loops")
     assert time.monotonic() - began < 2.5
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from anhyst_rigs.study.improve import make_curves
+from anhyst_rigs.study.improve import make_drawn_loops
 from tests.live.conftest import Serve, Show
 from tests.live.test_page import lift, ready, seen, until
 from tests.live.test_recorder import numbers
@@ -23,7 +23,7 @@ def test_loop_and_levitation_show_what_the_recording_holds(
 ) -> None:
     record = tmp_path / "run.csv"
     known = bearings.knowledge()
-    served = serve(record=record, curves=make_curves(known.loops, known.model))
+    served = serve(record=record, curves=make_drawn_loops(known.loops, known.model))
     page = show(served)
     lift(page, served)
     page.keyboard.press("2")

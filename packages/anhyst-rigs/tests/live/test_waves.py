@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from anhyst_rigs.dashboard.generator import Chirp, read_table
+from anhyst_rigs.dashboard.generator import Chirp, read_wave_table
 from anhyst_rigs.dashboard.session import LiveSession
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from tests.live.conftest import Serve, wait_for
@@ -20,7 +20,7 @@ RATE = 20_000.0
 def test_a_chirp_goes_through_its_frequencies_in_equal_times_per_octave() -> None:
     chirp = Chirp(2.0, 1.0, 16.0, 8.0, 1)
     time = np.arange(int(8.0 * RATE)) / RATE
-    wave = np.array([chirp.at(1 + tick, RATE) for tick in range(len(time))])
+    wave = np.array([chirp.value_at(1 + tick, RATE) for tick in range(len(time))])
     assert np.abs(wave).max() == pytest.approx(2.0, abs=1e-4)
     rises = time[1:][(wave[:-1] < 0.0) & (wave[1:] >= 0.0)]
     seen = 1.0 / np.diff(rises)
@@ -29,9 +29,9 @@ def test_a_chirp_goes_through_its_frequencies_in_equal_times_per_octave() -> Non
 
 
 def test_a_chirp_of_one_frequency_is_a_sine_and_one_may_go_down() -> None:
-    assert Chirp(1.0, 2.0, 2.0, 3.0, 0).at(2500, RATE) == pytest.approx(math.sin(math.pi / 2))
+    assert Chirp(1.0, 2.0, 2.0, 3.0, 0).value_at(2500, RATE) == pytest.approx(math.sin(math.pi / 2))
     down = Chirp(1.0, 16.0, 1.0, 8.0, 0)
-    assert abs(down.at(int(RATE / 64), RATE) - 1.0) < 0.01
+    assert abs(down.value_at(int(RATE / 64), RATE) - 1.0) < 0.01
 
 
 @pytest.mark.parametrize(
@@ -50,11 +50,11 @@ def test_a_chirp_that_is_refused(numbers: tuple[float, float, float, float], why
 
 
 def test_a_table_is_read_in_its_units_and_straight_between_rows() -> None:
-    table = read_table("# mine\nt_ms, gap [µm]\n0, 0\n\n10, -20\n30, 5\n", "m", 1)
-    assert (table.lasts, table.swing) == (0.03, (-20e-6, 5e-6))
-    assert table.at(1 + 100, RATE) == pytest.approx(-10e-6)
-    assert table.at(1 + 400, RATE) == pytest.approx(-7.5e-6)
-    assert read_table("t_s,F_kN\n0,1\n1,2", "N", 0).swing == (1000.0, 2000.0)
+    table = read_wave_table("# mine\nt_ms, gap [µm]\n0, 0\n\n10, -20\n30, 5\n", "m", 1)
+    assert (table.lasts, table.range) == (0.03, (-20e-6, 5e-6))
+    assert table.value_at(1 + 100, RATE) == pytest.approx(-10e-6)
+    assert table.value_at(1 + 400, RATE) == pytest.approx(-7.5e-6)
+    assert read_wave_table("t_s,F_kN\n0,1\n1,2", "N", 0).range == (1000.0, 2000.0)
 
 
 @pytest.mark.parametrize(
@@ -75,20 +75,24 @@ def test_a_table_is_read_in_its_units_and_straight_between_rows() -> None:
 )
 def test_a_table_that_is_refused_names_the_line(text: str, why: str) -> None:
     with refused(why):
-        read_table(text, "m", 0)
+        read_wave_table(text, "m", 0)
 
 
 def test_a_table_moves_the_target_and_ends_where_it_began(bench: BearingBench) -> None:
     session = LiveSession(bench)
     try:
         text = "t_s,gap_um\n0,0\n0.01,-20\n0.02,-20\n"
-        session.do(lambda: session.generate(read_table(text, "m", session.bench.tick + 1)))
-        session.paced.step(2000)
+        session.run_between_chunks(
+            lambda: session.generate(read_wave_table(text, "m", session.bench.tick + 1))
+        )
+        session.pacer.step(2000)
         wait_for(lambda: session.bench.tick == 2000)
         assert session.status()["generator"] is None
         assert session.log[-1].text == "generator off: it is over"
         with refused("out-of-range"):
-            session.do(lambda: session.generate(Chirp(1.0, 1.0, 9.0, 5.0, session.bench.tick + 1)))
+            session.run_between_chunks(
+                lambda: session.generate(Chirp(1.0, 1.0, 9.0, 5.0, session.bench.tick + 1))
+            )
     finally:
         session.close()
 

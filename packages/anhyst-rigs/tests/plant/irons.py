@@ -53,7 +53,7 @@ def fields(turns: list[float], samples: int) -> FloatArray:
 
 def run(steel: AnySteel, path: list[float] | FloatArray) -> FloatArray:
     """Return the flux density of a demagnetised piece along fields, T."""
-    found: FloatArray = Piece(steel.plant()).run(np.asarray(path, dtype=np.float64))[:, 1]
+    found: FloatArray = Piece(steel.make_steel()).run(np.asarray(path, dtype=np.float64))[:, 1]
     return found
 
 

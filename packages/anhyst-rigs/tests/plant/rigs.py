@@ -8,7 +8,7 @@ from typing import Any
 from anhyst._core import Plant
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.magnet_table import OPENS, LikeTable
+from anhyst_rigs.rig.magnet_table import OPENS_GAP, LikeTable
 from anhyst_rigs.rig.parts.iron import CellSteel
 from anhyst_rigs.rig.parts.magnet import Poles
 from anhyst_rigs.rig.plant import make_plant
@@ -44,9 +44,9 @@ def rig(changes: dict[str, Any] | None = None, pair: bool = False) -> BodyRig:
     """
     file = _example()
     if pair:
-        second = LikeTable(name="opposite", like="magnet", direction=OPENS, gap_m=GAP)
-        file = file.changed({"magnets": [file.magnet, second], "control.bias_N": 100.0})
-    file = file.changed(changes or {})
+        second = LikeTable(name="opposite", like="magnet", direction=OPENS_GAP, gap_m=GAP)
+        file = file.with_changes({"magnets": [file.magnet, second], "control.bias_N": 100.0})
+    file = file.with_changes(changes or {})
     return BodyRig(PATH, RigFile.model_validate(file.model_dump(by_alias=True)))
 
 

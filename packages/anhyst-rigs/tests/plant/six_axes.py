@@ -10,8 +10,8 @@ import numpy as np
 
 from anhyst._core import Plant
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.rig.parts.magnet import iron_magnet
-from anhyst_rigs.rig.plant import plant_numbers
+from anhyst_rigs.rig.parts.magnet import make_iron_magnet
+from anhyst_rigs.rig.plant import plant_parameters
 from tests.plant.rigs import GAP, OPEN_LOOP, example_poles, example_steel, rig
 
 _ARM, _DEEP, _HIGH = 0.12, -0.005, 0.05
@@ -59,8 +59,10 @@ class Body:
 
     def plant(self, rate: float, mode: str = "current") -> Plant:
         """Return it without delays and converters."""
-        example = plant_numbers(rig(OPEN_LOOP | {"amplifier.mode": mode, "timing.rate_Hz": rate}))
-        magnet = iron_magnet(example_poles(), example_steel(), 0.0, GAP)
+        example = plant_parameters(
+            rig(OPEN_LOOP | {"amplifier.mode": mode, "timing.rate_Hz": rate})
+        )
+        magnet = make_iron_magnet(example_poles(), example_steel(), 0.0, GAP)
         wide = IDEAL | {"low": -1e9, "high": 1e9}
 
         def coordinate(axis: int) -> dict[str, float]:

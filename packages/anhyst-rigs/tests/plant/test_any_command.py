@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anhyst_rigs.rig.plant import STOP_RESONANCE
+from anhyst_rigs.rig.plant import STOP_RESONANCE_HZ
 from tests.plant.oracle import Ledger, Shape, middles
 from tests.plant.rigs import OPEN_LOOP, bearing, example_steel
 
@@ -82,7 +82,7 @@ def test_a_bearing_makes_no_energy(
     gap, velocity, current, psi = np.array(rows).T
     ledger = Ledger(Shape(), example_steel(), current, gap, psi)
     over = np.maximum(gap - 0.55e-3, 0.0) + np.maximum(0.35e-3 - gap, 0.0)
-    stiffness = mass * (2.0 * np.pi * STOP_RESONANCE) ** 2
+    stiffness = mass * (2.0 * np.pi * STOP_RESONANCE_HZ) ** 2
     held = ledger.stored + 0.5 * mass * velocity**2 + 0.5 * stiffness * over**2
     spent = np.cumsum(middles(current) * np.diff(psi)) - held[1:]
     # The plant finds its flux linkage to within 6 nWb.

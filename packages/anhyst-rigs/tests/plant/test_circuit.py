@@ -11,7 +11,7 @@ from anhyst._core import Coil, Magnet
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from anhyst_rigs.rig.parts.iron import CellSteel
-from anhyst_rigs.rig.parts.magnet import FluxTable, iron_magnet, law_magnet
+from anhyst_rigs.rig.parts.magnet import FluxTable, make_iron_magnet, make_law_magnet
 from tests.actuators import GAPS, nested
 from tests.actuators import magnet as model
 from tests.plant.oracle import OracleMagnet, Shape, polarisation
@@ -54,7 +54,7 @@ def wander(samples: int, seed: int) -> tuple[FloatArray, FloatArray]:
 @pytest.mark.parametrize("steel", STEELS.values(), ids=STEELS.keys())
 def test_force_and_flux_are_those_of_the_circuit_written_again(steel: CellSteel) -> None:
     current, gap = wander(1500, seed=3)
-    found = Coil(iron_magnet(example_poles(), steel, 0.0, GAP)).run(current, gap)
+    found = Coil(make_iron_magnet(example_poles(), steel, 0.0, GAP)).run(current, gap)
     expected = OracleMagnet(Shape(), steel).run(current, gap)
     largest = expected.max(axis=0)
     assert largest[0] > 300.0
@@ -64,7 +64,7 @@ def test_force_and_flux_are_those_of_the_circuit_written_again(steel: CellSteel)
 def test_the_flux_density_in_the_gap_is_what_pulls() -> None:
     current, gap = wander(300, seed=4)
     force, _, density = (
-        Coil(iron_magnet(example_poles(), example_steel(), 0.0, GAP)).run(current, gap).T
+        Coil(make_iron_magnet(example_poles(), example_steel(), 0.0, GAP)).run(current, gap).T
     )
     # Two gaps of the fringed area, less what the fringe loses as it narrows with the gap.
     width, depth = 0.016 + gap, 0.014 + gap
@@ -73,7 +73,7 @@ def test_the_flux_density_in_the_gap_is_what_pulls() -> None:
 
 
 def test_a_path_leaves_the_same_memory_in_one_step_as_in_many() -> None:
-    magnet = iron_magnet(example_poles(), example_steel(), 0.0, GAP)
+    magnet = make_iron_magnet(example_poles(), example_steel(), 0.0, GAP)
     turns = np.array([4.5, -1.0, 3.0, 0.5, 2.5, 1.0, 2.0])
     many = np.concatenate([np.linspace(a, b, 500) for a, b in itertools.pairwise(turns)])
     coarse = Coil(magnet).run(turns, np.full(turns.size, GAP))
@@ -96,7 +96,7 @@ def test_after_a_reversal_only_the_unpinned_iron_answers(fraction: float) -> Non
     shape, current, turn = Shape(), 2.8, 1e-4
     at = np.full(3, GAP)
     force, psi, _ = (
-        Coil(iron_magnet(example_poles(), steel, 0.0, GAP))
+        Coil(make_iron_magnet(example_poles(), steel, 0.0, GAP))
         .run(np.array([current, current - turn, current - 2.0 * turn]), at)
         .T
     )
@@ -115,8 +115,8 @@ def as_law(table: FluxTable, rows: int = 129) -> Magnet:
     """Return the model of the tests as the iron of a magnet."""
     at = np.linspace(GAPS[0], GAPS[-1], rows)
     names = ("c_H", "rho", "c_out", "out_0", "in_0")
-    maps = np.column_stack([model().over_schedule(name, at) for name in names])
-    return law_magnet(example_poles(), model().iron_at(GAP), maps, 0.0, table)
+    maps = np.column_stack([model().interpolate_parameter(name, at) for name in names])
+    return make_law_magnet(example_poles(), model().iron_at(GAP), maps, 0.0, table)
 
 
 TABLE = FluxTable(
@@ -177,5 +177,5 @@ def test_a_law_shows_the_flux_density_that_pulls_whatever_its_gauge() -> None:
     current = np.linspace(0.0, 2.0, 50)
     force, _, density = Coil(as_law(TABLE)).run(current, np.full(50, GAP)).T
     area = (poles.width + GAP) * (poles.depth + GAP)
-    pulls = force[1:] - float(model().over_schedule("out_0", np.array([GAP]))[0])
+    pulls = force[1:] - float(model().interpolate_parameter("out_0", np.array([GAP]))[0])
     assert density[1:] ** 2 * area / MU_0 == pytest.approx(pulls, rel=1e-9)

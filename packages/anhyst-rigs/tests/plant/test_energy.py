@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from anhyst._core import Coil
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.parts.iron import CellSteel
-from anhyst_rigs.rig.parts.magnet import Poles, iron_magnet
+from anhyst_rigs.rig.parts.magnet import Poles, make_iron_magnet
 from anhyst_rigs.rig.stage.file import read_stage
 from tests.plant.oracle import Ledger, Shape, middles
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles, example_steel
@@ -41,7 +41,7 @@ def test_over_a_closed_cycle_energy_is_heat_and_work(
     samples = 2000
     turn = 2.0 * math.pi * np.arange(2 * samples + 1) / samples
     current, gap = mean + swing * np.sin(turn), GAP + moves * np.sin(turn + phase)
-    force, psi, _ = Coil(iron_magnet(example_poles(), STEEL, 0.0, GAP)).run(current, gap).T
+    force, psi, _ = Coil(make_iron_magnet(example_poles(), STEEL, 0.0, GAP)).run(current, gap).T
     ledger = Ledger(SHAPE, STEEL, current, gap, psi)
     last = slice(samples, None)  # the first cycle leaves the demagnetised state
     electrical = float(middles(current[last]) @ np.diff(psi[last]))
@@ -58,7 +58,7 @@ def test_over_a_closed_cycle_energy_is_heat_and_work(
 def test_stepped_in_time_energy_is_heat_and_work(eddy_time: float) -> None:
     """An alternating voltage while the gap moves."""
     samples, period = 2000, 2e-2
-    coil = Coil(iron_magnet(example_poles(), STEEL, eddy_time, GAP))
+    coil = Coil(make_iron_magnet(example_poles(), STEEL, eddy_time, GAP))
     h = period / samples
     turn = 2.0 * math.pi * np.arange(3 * samples) / samples
     gap = GAP + 0.05e-3 * np.sin(turn)
@@ -96,7 +96,7 @@ def voice_coil() -> Poles:
 def test_a_voice_coil_gives_its_motion_what_its_amplifier_gave_less_the_heat_of_its_core() -> None:
     """Driven by a voltage while it moves; the iron's heat from its own field and flux density."""
     poles, samples, h = voice_coil(), 4000, 5e-6
-    coil, at = Coil(iron_magnet(poles, STEEL, 0.0, GAP)), GAP + 0.2e-3
+    coil, at = Coil(make_iron_magnet(poles, STEEL, 0.0, GAP)), GAP + 0.2e-3
     turn = 2.0 * math.pi * np.arange(3 * samples) / samples
     gap = GAP + 0.2e-3 * np.cos(turn)
     coil.hold(0.0, at)
@@ -137,7 +137,9 @@ def test_a_voice_coil_of_soft_iron_makes_its_force_constant_wherever_it_is(at: f
         knee_slow_A_per_m=1.0,
     )
     current = np.linspace(-2.0, 2.0, 41)
-    force, _, _ = Coil(iron_magnet(voice_coil(), soft, 0.0, GAP)).run(current, np.full(41, at)).T
+    force, _, _ = (
+        Coil(make_iron_magnet(voice_coil(), soft, 0.0, GAP)).run(current, np.full(41, at)).T
+    )
     assert force == pytest.approx(20.0 * current, abs=1e-3 * 40.0)
 
 
@@ -157,7 +159,7 @@ def test_over_a_cycle_of_a_stage_no_energy_is_lost_in_its_steps() -> None:
         turn = 2.0 * math.pi * np.arange(3 * samples + 1) / samples
         left_over, iron, work = 0.0, 0.0, 0.0
         for side in (1.0, -1.0):
-            coil = Coil(iron_magnet(magnet.poles, steel, 0.0, rig.gap))
+            coil = Coil(make_iron_magnet(magnet.poles, steel, 0.0, rig.gap))
             gap = rig.gap + 20e-6 * side * np.cos(turn)
             coil.hold(2.0, float(gap[0]))
             rows = [(coil.current, coil.psi, coil.force, coil.energy, coil.heat)]
@@ -248,7 +250,7 @@ def test_no_path_of_current_and_gap_makes_energy(
 ) -> None:
     current, gap = straight(turns, 150)
     current, gap = np.tile(current, 2), np.tile(gap, 2)
-    force, psi, _ = Coil(iron_magnet(example_poles(), steel, 0.0, GAP)).run(current, gap).T
+    force, psi, _ = Coil(make_iron_magnet(example_poles(), steel, 0.0, GAP)).run(current, gap).T
     ledger = Ledger(SHAPE, steel, current, gap, psi)
     electrical = np.cumsum(middles(current) * np.diff(psi))
     work = -np.cumsum(middles(force) * np.diff(gap))

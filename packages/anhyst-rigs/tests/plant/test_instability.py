@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from anhyst_rigs.rig.parts.iron import CellSteel
-from anhyst_rigs.study.bearing.linear import Point
+from anhyst_rigs.study.bearing.linear import LinearBearing
 from tests.plant.oracle import OracleMagnet, Shape
 from tests.plant.rigs import GAP, STIFF, bearing, example_steel
 
@@ -31,8 +31,8 @@ def test_held_by_a_current_the_gap_diverges_at_the_unstable_pole(
     force, slope = stiffness(example_steel(), current, gap, 1e-7 * way)
     assert slope < 0.0
     pole = math.sqrt(-slope / MASS)
-    linear = Point(MASS, k_i=1.0, k_s=-slope, inductance=1.0, resistance=1.0)
-    assert 2.0 * math.pi * linear.pole_at_current == pytest.approx(pole)
+    linear = LinearBearing(MASS, k_i=1.0, k_s=-slope, inductance=1.0, resistance=1.0)
+    assert 2.0 * math.pi * linear.current_drive_pole == pytest.approx(pole)
     plant = bearing(STIFF | {"body.gravity_m_per_s2": force / MASS})
     plant.place([gap], [0.0])
     plant.hold(current, 0)
@@ -62,8 +62,8 @@ def test_held_by_a_voltage_it_diverges_at_the_slower_pole_of_that() -> None:
     turned = OracleMagnet(Shape(), example_steel())
     states = np.array([turned.hold(current, GAP), turned.hold(current - 1e-4, GAP)])
     k_i, inductance = (states[0] - states[1]) / 1e-4  # as the gap opens, the flux falls
-    linear = Point(MASS, float(k_i), -slope, float(inductance), 1.2)
-    assert linear.pole_at_voltage < 0.8 * linear.pole_at_current
+    linear = LinearBearing(MASS, float(k_i), -slope, float(inductance), 1.2)
+    assert linear.voltage_drive_pole < 0.8 * linear.current_drive_pole
     held = {"amplifier.mode": "voltage", "amplifier.supply_V": 150.0, "amplifier.dac_bits": 24}
     plant = bearing(STIFF | held | {"body.gravity_m_per_s2": force / MASS})
     plant.place([GAP], [0.0])
@@ -77,7 +77,7 @@ def test_held_by_a_voltage_it_diverges_at_the_slower_pole_of_that() -> None:
             break
     late = np.array(away)[np.array(away) > 1e-6]
     grows = np.polynomial.Polynomial.fit(np.arange(late.size) * 50e-6, np.log(late), 1).convert()
-    assert grows.coef[1] / (2.0 * math.pi) == pytest.approx(linear.pole_at_voltage, rel=0.05)
+    assert grows.coef[1] / (2.0 * math.pi) == pytest.approx(linear.voltage_drive_pole, rel=0.05)
 
 
 def test_in_balance_it_stays() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from anhyst._core import Coil, Piece
 from anhyst.support.units import MU_0
 from anhyst_rigs.rig.parts.iron import AnySteel, DuhemSteel, PreisachSteel
-from anhyst_rigs.rig.parts.magnet import iron_magnet
+from anhyst_rigs.rig.parts.magnet import make_iron_magnet
 from tests.plant.iron_oracle import Duhem, Relays
 from tests.plant.irons import (
     DUHEM,
@@ -38,7 +38,7 @@ names = st.sampled_from(sorted(WITH_CELLS))
 
 @pytest.mark.parametrize("steel", PREISACH.values(), ids=PREISACH.keys())
 def test_a_preisach_iron_is_the_sum_of_its_relays(steel: PreisachSteel) -> None:
-    relays, piece = Relays(steel), Piece(steel.plant())
+    relays, piece = Relays(steel), Piece(steel.make_steel())
     rng = np.random.default_rng(5)
     for seen in (steel.pinning_A_per_m * 3.0 * rng.standard_normal(40)).tolist():
         field, density = relays.move(seen)
@@ -48,7 +48,7 @@ def test_a_preisach_iron_is_the_sum_of_its_relays(steel: PreisachSteel) -> None:
 
 @walking
 def test_a_duhem_iron_is_the_solution_of_its_equation(steel: DuhemSteel) -> None:
-    oracle, piece = Duhem(steel), Piece(steel.plant())
+    oracle, piece = Duhem(steel), Piece(steel.make_steel())
     rng = np.random.default_rng(6)
     for field in (steel.coercivity_A_per_m * 4.0 * rng.standard_normal(25)).tolist():
         piece.commit(field)
@@ -84,7 +84,7 @@ def test_no_closed_cycle_gives_energy(name: str, ends: list[float]) -> None:
     cycle.append(cycle[0])
     passes = 2 if name in WIPED_OUT else 60
     before = [*cycle[:-1] * (passes - 1), cycle[0]]
-    piece = Piece(steel.plant())
+    piece = Piece(steel.make_steel())
     piece.run(np.array(before))
     begun = piece.density
     path = fields(cycle, 400)
@@ -125,7 +125,7 @@ def test_no_way_of_a_duhem_iron_gives_more_than_it_had_stored(name: str, ends: l
 def test_the_area_of_a_loop_is_what_it_costs(steel: AnySteel) -> None:
     half = 8.0 * width(steel)
     path = fields([half, -half, half], 2000)
-    piece = Piece(steel.plant())
+    piece = Piece(steel.make_steel())
     piece.run(np.array([half, -half]))
     density = piece.run(path)[:, 1]
     top = path.size // 2
@@ -188,7 +188,7 @@ def test_a_field_that_dies_away_demagnetises(steel: AnySteel) -> None:
     saturated, left = run(steel, [30.0 * width(steel), 0.0])[-1], run(steel, [*swing, 0.0])[-1]
     assert saturated > 0.3
     assert abs(left) < 0.02 * saturated
-    piece = Piece(steel.plant())
+    piece = Piece(steel.make_steel())
     piece.run(swing)
     piece.demagnetise()
     assert (piece.field, piece.density) == (0.0, 0.0)
@@ -207,7 +207,7 @@ def test_a_field_that_dies_away_demagnetises(steel: AnySteel) -> None:
 def test_the_field_that_is_asked_for_is_found(
     name: str, asked: list[tuple[float, float, float]]
 ) -> None:
-    piece = Piece(WITH_CELLS[name].plant())
+    piece = Piece(WITH_CELLS[name].make_steel())
     for a, b, r in asked:
         field = piece.solve(a, b, r)
         rounding = a * abs(field) + b * abs(piece.density) + abs(r)
@@ -216,7 +216,7 @@ def test_the_field_that_is_asked_for_is_found(
 
 @every
 def test_the_slope_is_that_of_the_way_ahead(steel: AnySteel) -> None:
-    piece, unit = Piece(steel.plant()), width(steel)
+    piece, unit = Piece(steel.make_steel()), width(steel)
     piece.run(unit * np.array([4.0, -1.0, 3.0]))
     for field in (2.9, 2.0, -0.7, 3.5):
         ahead = math.copysign(1e-6, field - 3.0) * unit
@@ -229,7 +229,7 @@ def test_the_slope_is_that_of_the_way_ahead(steel: AnySteel) -> None:
 def test_more_turns_than_a_preisach_iron_can_keep_cost_nothing_and_move_nothing() -> None:
     steel = PREISACH["preisach-usual"]
     swing = 300.0 * 0.998 ** np.arange(700) * (-1.0) ** np.arange(700)
-    piece, most = Piece(steel.plant()), 512
+    piece, most = Piece(steel.make_steel()), 512
     kept = piece.run(np.ascontiguousarray(swing[: most + 1]))
     inside = fields([float(swing[most]), *swing[most + 1 :].tolist(), float(swing[most])], 50)
     density = piece.run(inside)[:, 1]
@@ -247,7 +247,7 @@ def test_over_a_cycle_of_current_and_gap_a_magnet_takes_what_its_iron_costs(
     samples, shape = 4000, Shape()
     ways = 2.0 * math.pi * np.arange(4 * samples + 1) / samples
     current, gap = 2.0 + 1.5 * np.sin(ways), GAP + 0.08e-3 * np.cos(ways)
-    force, psi, _ = Coil(iron_magnet(example_poles(), steel, 0.0, GAP)).run(current, gap).T
+    force, psi, _ = Coil(make_iron_magnet(example_poles(), steel, 0.0, GAP)).run(current, gap).T
     last = slice(3 * samples, None)
     flux = psi / shape.turns
     permeance = np.array([shape.permeance(at) for at in gap.tolist()])
@@ -267,7 +267,7 @@ def test_without_its_pinning_a_steel_has_a_curve_in_the_middle_of_its_loop(
     path = fields([half, -half, half], 400)
     bare, pinned = (
         Piece(one).run(np.concatenate(([-half], path)))[1:, 1]
-        for one in (steel.unpinned(), steel.plant())
+        for one in (steel.make_anhysteretic_steel(), steel.make_steel())
     )
     top = path.size // 2
     assert bare[: top + 1][::-1] == pytest.approx(bare[top:], abs=1e-9)

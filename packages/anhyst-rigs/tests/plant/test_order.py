@@ -11,7 +11,7 @@ import pytest
 
 from anhyst._core import Coil, Magnet
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.rig.parts.magnet import flux_table_of, iron_magnet, law_magnet
+from anhyst_rigs.rig.parts.magnet import make_flux_table, make_iron_magnet, make_law_magnet
 from anhyst_rigs.rig.plant import make_plant
 from tests.actuators import GAPS
 from tests.actuators import magnet as model
@@ -47,14 +47,14 @@ def test_a_winding_goes_where_the_equations_written_again_go(eddy_time: float) -
         psi, current = oracle.drive(psi, voltage, GAP, seconds)
         rows.append((psi, current, oracle.pull(psi / oracle.shape.turns, GAP)))
     expected = np.array(rows)
-    magnet = iron_magnet(example_poles(), example_steel(), eddy_time, GAP)
+    magnet = make_iron_magnet(example_poles(), example_steel(), eddy_time, GAP)
     errors = [np.abs(stepped(magnet, steps) - expected) for steps in (10, 20, 40, 80)]
     for coarse, fine in itertools.pairwise(errors):
         assert np.all(coarse[:, :2] > 3.0 * fine[:, :2])
         assert np.all(coarse[:, :2] < 5.0 * fine[:, :2])
     assert np.all(errors[-1] < 5e-6 * np.max(expected, axis=0))
     if eddy_time:
-        plain = stepped(iron_magnet(example_poles(), example_steel(), 0.0, GAP), 80)
+        plain = stepped(make_iron_magnet(example_poles(), example_steel(), 0.0, GAP), 80)
         assert np.all(np.abs(plain - expected)[:, 1] > 0.05)
 
 
@@ -62,14 +62,14 @@ def law(eddy: float) -> Magnet:
     gaps = (GAPS[0], GAPS[-1])
     at = np.linspace(*gaps, 129)
     names = ("c_H", "rho", "c_out", "out_0", "in_0")
-    rows = np.column_stack([model().over_schedule(name, at) for name in names])
-    table = flux_table_of(example_poles(), example_steel(), 6.0, gaps)
-    return law_magnet(example_poles(), model().iron_at(GAP), rows, eddy, table)
+    rows = np.column_stack([model().interpolate_parameter(name, at) for name in names])
+    table = make_flux_table(example_poles(), example_steel(), 6.0, gaps)
+    return make_law_magnet(example_poles(), model().iron_at(GAP), rows, eddy, table)
 
 
 @pytest.mark.parametrize("eddy", [0.0, EDDY])
 def test_the_pull_of_a_law_converges_with_the_square_of_the_step(eddy: float) -> None:
-    start = float(model().over_schedule("in_0", np.array([GAP]))[0])
+    start = float(model().interpolate_parameter("in_0", np.array([GAP]))[0])
     magnet = law(eddy)
     finest = stepped(magnet, 2560, start)
     errors = [np.abs(stepped(magnet, steps, start) - finest)[:, 2] for steps in (10, 40, 160)]
@@ -83,7 +83,7 @@ def test_the_pull_of_a_law_converges_with_the_square_of_the_step(eddy: float) ->
 def test_eddy_currents_of_a_law_are_those_of_its_model() -> None:
     """The same currents through the model, whose backward steps are of first order."""
     with_eddies = replace(model(), parameters={**model().parameters, "gamma": EDDY})
-    start = float(model().over_schedule("in_0", np.array([GAP]))[0])
+    start = float(model().interpolate_parameter("in_0", np.array([GAP]))[0])
     off = []
     for steps in (200, 400):
         coil, h = Coil(law(EDDY)), 1.5e-3 / (3 * steps)
@@ -120,8 +120,8 @@ CASES = {
         }
     ),
     "law": Case({}, current=1.5, magnets=(law(0.0),)),
-    "preisach": Case({}, magnets=(iron_magnet(example_poles(), STEELS["preisach-usual"]),)),
-    "duhem": Case({}, magnets=(iron_magnet(example_poles(), STEELS["duhem-usual"]),)),
+    "preisach": Case({}, magnets=(make_iron_magnet(example_poles(), STEELS["preisach-usual"]),)),
+    "duhem": Case({}, magnets=(make_iron_magnet(example_poles(), STEELS["duhem-usual"]),)),
 }
 
 

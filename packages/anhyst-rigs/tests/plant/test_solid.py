@@ -14,11 +14,11 @@ from anhyst._core import Coil
 from anhyst.support.units import MU_0
 from anhyst_rigs.rig.magnet_table import SolidTable
 from anhyst_rigs.rig.parts.iron import AnySteel, CellSteel
-from anhyst_rigs.rig.parts.magnet import Poles, Solid, iron_magnet
+from anhyst_rigs.rig.parts.magnet import Poles, SolidIron, make_iron_magnet
 from tests.plant.irons import WITH_CELLS
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles
 
-PART = Solid(length=0.05, depth=4e-3, conductivity=2e6)
+PART = SolidIron(length=0.05, depth=4e-3, conductivity=2e6)
 LINEAR = CellSteel(
     cells=1,
     reversible_fraction=1.0,
@@ -32,14 +32,14 @@ LINEAR = CellSteel(
 MU = MU_0 + 1e-6  # of it, T m/A
 
 
-def coil(steel: AnySteel, solid: Solid | None = PART, poles: Poles | None = None) -> Coil:
-    return Coil(iron_magnet(poles or example_poles(), steel, 0.0, GAP, solid))
+def coil(steel: AnySteel, solid: SolidIron | None = PART, poles: Poles | None = None) -> Coil:
+    return Coil(make_iron_magnet(poles or example_poles(), steel, 0.0, GAP, solid))
 
 
 def answer(hertz: float, volumes: int, samples: int) -> complex:
     """Return psi over a sinusoidal current of a core that is all solid, its gap next to nothing."""
     poles = Poles(100, 1.0, 0.02, 0.02, 0.0, 0.2)
-    core = coil(LINEAR, Solid(0.2, 5e-3, 5e6, volumes), poles)
+    core = coil(LINEAR, SolidIron(0.2, 5e-3, 5e6, volumes), poles)
     turn = 2.0 * np.pi * np.arange(3 * samples) / samples
     psi = []
     for amperes in np.sin(turn).tolist():
@@ -71,7 +71,7 @@ def test_held_long_enough_it_is_sheets(steel: AnySteel) -> None:
 
 @pytest.mark.parametrize("steel", WITH_CELLS.values(), ids=WITH_CELLS)
 def test_fast_loops_are_higher_and_slow_ones_are_not(steel: AnySteel) -> None:
-    def height(hertz: float, solid: Solid | None) -> float:
+    def height(hertz: float, solid: SolidIron | None) -> float:
         one = 2.0 + 1.0 * np.sin(2.0 * np.pi * np.arange(1200) / 400)
         magnet = coil(steel, solid)
         force = []
@@ -103,7 +103,7 @@ def test_no_path_gives_back_more_than_it_took(
 ) -> None:
     """From the demagnetised state and back to no current; the gap stands still."""
     poles = example_poles()
-    magnet = coil(WITH_CELLS[name], Solid(part * poles.iron_length, depth, 5e6))
+    magnet = coil(WITH_CELLS[name], SolidIron(part * poles.iron_length, depth, 5e6))
     gap, taken, turned = path[0][1], 0.0, 0.0
     ends = [*((amperes, 10.0**exponent) for amperes, _, exponent in path), (0.0, 1.0), (0.0, 1e9)]
     for amperes, seconds in ends:

@@ -20,16 +20,10 @@ from anhyst_rigs.rig.loop import ReferenceStep
 from anhyst_rigs.rig.recording import COLUMNS, Recording
 from anhyst_rigs.study.bearing.experiments import ExperimentFigures, Experiments
 from anhyst_rigs.study.bearing.linear import Margins
-from anhyst_rigs.study.bearing.responses import StepCell, grouped
-from anhyst_rigs.study.benefit import (
-    OF_STEPS,
-    Benefit,
-    Comparison,
-    IronFigures,
-    MapCell,
-)
-from anhyst_rigs.study.engine.table import Interval, Quotient
-from anhyst_rigs.study.tuning.aims import TITLES
+from anhyst_rigs.study.bearing.responses import StepCell, group_by_step
+from anhyst_rigs.study.benefit import STEP_METRICS, Benefit, Comparison, IronFigures, MapCell
+from anhyst_rigs.study.engine.table import Interval, MeanRatio
+from anhyst_rigs.study.tuning.aims import GAIN_METRICS
 from tests.repository import ROOT
 
 EXAMPLE = ROOT / "examples" / "bearing"
@@ -76,7 +70,7 @@ def response(overshoot: float, seed: int) -> Recording:
     }
     for name, column in values.items():
         table[:, COLUMNS.index(name)] = column
-    return Recording.of_table(table)
+    return Recording.from_table(table)
 
 
 def cells() -> list[StepCell]:
@@ -122,13 +116,13 @@ def tried(lost: int, rest: Interval | None) -> ExperimentFigures:
 
 def tuning() -> Figure:
     """The picture of what a tuning may choose from."""
-    chosen = GainsPoint("full", 5.5e-3, 2.125, kept=True)
+    chosen = GainsPoint("full", 5.5e-3, 2.125, meets_other_aims=True)
     others = (
-        GainsPoint("full", 4e-3, 3.5, kept=True),
-        GainsPoint("full", math.inf, 1.2, kept=False),
+        GainsPoint("full", 4e-3, 3.5, meets_other_aims=True),
+        GainsPoint("full", math.inf, 1.2, meets_other_aims=False),
     )
     return figure_pareto(
-        [chosen, *others], {"full": chosen}, TITLES["settling_time_s"], (6e-3, 3.0)
+        [chosen, *others], {"full": chosen}, GAIN_METRICS["settling_time_s"], (6e-3, 3.0)
     )
 
 
@@ -157,8 +151,8 @@ def gains() -> Benefit:
 def compared(baseline: MethodName, ratio: float, *, certain: bool) -> dict[str, Comparison]:
     gain = certain or ratio < 0.95
     difference = Interval(1.0, 0.1 if gain else 2.0, 20)
-    one = Comparison(baseline, Quotient(ratio, 0.5 * ratio, 2.0 * ratio), difference)
-    return dict.fromkeys([metric.key for metric in OF_STEPS], one)
+    one = Comparison(baseline, MeanRatio(ratio, 0.5 * ratio, 2.0 * ratio), difference)
+    return dict.fromkeys([metric.key for metric in STEP_METRICS], one)
 
 
 @cache
@@ -173,13 +167,13 @@ def subject() -> SimulationSubject:
         controller=controller(),
         seeds=20,
         panels=(StepPanel(step, runs(), overshoot),),
-        steps=grouped(cells()),
+        steps=group_by_step(cells()),
         forces=runs(),
         run=runs(),
         measured=(LoopCurve(0.42e-3, current, 20.0 * current**2),),
         identified=LoopCurve(GAP, current, 18.0 * current**2),
         tracked=(Tracking("triangle of 20 µm", runs()),),
-        standstill={name: run.part(0, BEGIN) for name, run in runs().items()},
+        standstill={name: run.slice_ticks(0, BEGIN) for name, run in runs().items()},
         sensitivity={
             name: lag(800.0, gain) for name, gain in zip(SHOWN, (4.4, 2.0, 1.5), strict=True)
         },

@@ -29,14 +29,14 @@ from anhyst_rigs.reports.bearing.figures import (
 from anhyst_rigs.reports.bearing.subject import SimulationSubject
 from anhyst_rigs.reports.benefit import figure_benefit
 from anhyst_rigs.reports.plants import figure_drift
-from anhyst_rigs.reports.study.page import COLOURS, DASHES, MOST_POINTS, thinned
+from anhyst_rigs.reports.study.page import COLOURS, DASHES, MAX_CURVE_POINTS, thin_curves
 from anhyst_rigs.reports.tuning import GainsPoint, pareto_front
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.drift import changed
-from anhyst_rigs.rig.magnet_table import OPENS, LikeTable
+from anhyst_rigs.rig.drift import change_rig
+from anhyst_rigs.rig.magnet_table import OPENS_GAP, LikeTable
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.tables import DisturbanceTable
-from anhyst_rigs.study.benefit import OF_STEPS, Comparison
+from anhyst_rigs.study.benefit import STEP_METRICS, Comparison
 from anhyst_rigs.study.engine.table import Interval
 from tests.reports import bearing_reports
 from tests.reports.bearing_reports import (
@@ -68,13 +68,13 @@ def test_the_diagram_holds_the_numbers_of_the_files(
         "encoder: step 50 nm", "noise 5 nm rms, 20 kHz",
     ):  # fmt: skip
         assert text in reported
-    heavier = changed(rig, {"body.mass_kg": 3.5})
+    heavier = change_rig(rig, {"body.mass_kg": 3.5})
     assert "mass 3.5 kg" in texts_of(figure_structure(heavier, controller))
 
 
 def fullest(rig: BodyRig) -> BodyRig:
     """A rig in which every block has as much to say as it can."""
-    second = LikeTable(name="opposite", like="magnet", direction=OPENS, gap_m=0.45e-3)
+    second = LikeTable(name="opposite", like="magnet", direction=OPENS_GAP, gap_m=0.45e-3)
     changes = {
         "magnets": [rig.settings.magnet.model_copy(update={"eddy_time_s": 12.5e-6}), second],
         "control.bias_N": 120.5,
@@ -87,7 +87,7 @@ def fullest(rig: BodyRig) -> BodyRig:
         "gap_sensor.kind": "laser",
         "gap_sensor.delay_s": 1e-5,
     }
-    return changed(rig, changes)
+    return change_rig(rig, changes)
 
 
 def tuned(controller: ControllerTable) -> ControllerTable:
@@ -247,8 +247,8 @@ def test_thinning_keeps_peaks() -> None:
     time = np.arange(50_000.0)
     signal = np.zeros(50_000)
     signal[12_345], signal[43_211] = 7.0, -3.0
-    at, kept = thinned(time, signal)
-    assert kept.size <= MOST_POINTS + 3
+    at, kept = thin_curves(time, signal)
+    assert kept.size <= MAX_CURVE_POINTS + 3
     assert (kept.max(), kept.min()) == (7.0, -3.0)
     assert at[kept.argmax()] == 12_345.0
     assert at[-1] == 49_999.0
@@ -260,7 +260,7 @@ def test_sensitivities_beyond_the_figure_widen_it() -> None:
 
 
 def test_cells_without_a_certain_gain_are_hatched() -> None:
-    figure = figure_benefit(bearing_reports.gains(), OF_STEPS[0])
+    figure = figure_benefit(bearing_reports.gains(), STEP_METRICS[0])
     maps = [ax for ax in figure.axes if ax.get_title(loc="left")]
     hatched = {ax.get_title(loc="left"): len(ax.patches) for ax in maps}
     assert hatched == {
@@ -286,13 +286,13 @@ def test_every_outcome_but_a_gain_has_a_hatch_of_its_own() -> None:
         comparison = replace(
             found.cells[0].ratio["overshoot_percent"],
             difference=Interval(*difference, 20),
-            small=outcome == "nothing to gain",
+            is_below_floor=outcome == "nothing to gain",
         )
         assert comparison.outcome == outcome
         iron = replace(found.cells[0].iron, reversible_fraction=0.1 * place)
         ratio: Mapping[str, Comparison] = {"overshoot_percent": comparison}
         cells.append(replace(found.cells[0], iron=iron, ratio=ratio, strongest={}))
-    figure = figure_benefit(replace(found, cells=tuple(cells)), OF_STEPS[0])
+    figure = figure_benefit(replace(found, cells=tuple(cells)), STEP_METRICS[0])
     (ax,) = (ax for ax in figure.axes if ax.get_title(loc="left"))
     hatches = {patch.get_hatch() for patch in ax.patches}
     assert len(hatches) == len(ax.patches) == 3
@@ -304,7 +304,7 @@ def test_every_outcome_but_a_gain_has_a_hatch_of_its_own() -> None:
 def test_nothing_on_the_front_is_beaten() -> None:
     rng = np.random.default_rng(5)
     tried = [
-        GainsPoint("full", settling, peak, kept=True)
+        GainsPoint("full", settling, peak, meets_other_aims=True)
         for settling, peak in rng.uniform(1.0, 2.0, (200, 2)).tolist()
     ]
     front = pareto_front(tried)

@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.compensate.methods import BASELINES
+from anhyst.compensate.methods import BASELINE_METHODS
 from anhyst.control.controller_file import read_controller
-from anhyst.support.page import number
+from anhyst.support.page import format_number
 from anhyst_rigs.reports.benefit import render_bearing
 from anhyst_rigs.reports.study.page import interval_text
 from anhyst_rigs.rig.body import read_bearing
-from anhyst_rigs.study.benefit import benefit
+from anhyst_rigs.study.benefit import map_bearing_benefit
 from anhyst_rigs.study.engine.table import Interval
 from tests.cli.command import unwrapped
 from tests.page import Page
@@ -92,7 +92,7 @@ def test_terminal_and_page_say_in_one_sentence_whether_it_is_worth_it(
     overshoot = {
         row["variant"]: row["overshoot_percent"]["mean"]
         for row in figures["steps"]
-        if row["variant"] in BASELINES
+        if row["variant"] in BASELINE_METHODS
     }
     strongest = min(overshoot, key=lambda name: overshoot[name])
     assert f"of '{strongest}'" in said
@@ -120,7 +120,7 @@ def test_drifted_plants_go_on_and_are_reported(small: Path) -> None:
     assert page.sections() == ["drift", "origin"]
     assert f"{command[-2]} --monte-carlo 3" in page.text
     for name, found in figures["variants"].items():
-        median = number(found["standstill_rms_m"]["p50"] * 1e9)
+        median = format_number(found["standstill_rms_m"]["p50"] * 1e9)
         row = rf"standstill, rms \(nm\) {name} \S+ {re.escape(median)} "
         assert re.search(row, page.text)
 
@@ -134,7 +134,7 @@ def test_plants_are_written_as_lines(small: Path, capsys: pytest.CaptureFixture[
 def test_the_map_of_benefit_is_reported_cell_by_cell(small: Path) -> None:
     rig = read_bearing(small / "rig.toml")
     controller = read_controller(small / "controller.toml")
-    found = benefit(rig, controller, scales=(1.0,), fractions=(0.05, 0.3), jobs=1)
+    found = map_bearing_benefit(rig, controller, scales=(1.0,), fractions=(0.05, 0.3), jobs=1)
     page = Page(render_bearing(rig, controller, found, "anhyst simulate"))
     assert page.sections() == ["structure", "benefit", "origin"]
     for measure, title in (

@@ -18,9 +18,9 @@ from anhyst_rigs.reports.bearing.subject import SimulationSubject, difference_te
 from anhyst_rigs.reports.benefit import render_bearing
 from anhyst_rigs.reports.study.page import COLOURS, interval_text
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.study.bearing.responses import grouped, judge_steps
+from anhyst_rigs.study.bearing.responses import group_by_step, judge_steps
+from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
 from anhyst_rigs.study.engine.table import Interval, compare
-from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 from tests.page import NAMESPACES, Page
 from tests.reports import bearing_reports
 from tests.reports.bearing_reports import (
@@ -98,7 +98,7 @@ def every_variant(subject: SimulationSubject) -> SimulationSubject:
         for gap in (0.42e-3, GAP, 0.48e-3)
         for height in (10e-6, 100e-6)
     ]
-    return replace(subject, steps=grouped(steps))
+    return replace(subject, steps=group_by_step(steps))
 
 
 @pytest.mark.usefixtures("_undrawn")
@@ -171,7 +171,7 @@ def test_the_tiles_name_the_strongest_baseline_and_measured_flux(
     subject: SimulationSubject,
 ) -> None:
     flux = [replace(cell, variant="flux") for cell in cells() if cell.variant == "full"]
-    with_flux = replace(subject, steps=grouped([*cells(), *flux]))
+    with_flux = replace(subject, steps=group_by_step([*cells(), *flux]))
     text = Page(render(with_flux)).text.replace("\N{NO-BREAK SPACE}", " ")
     tile = text[text.index("overshoot, 10 µm") : text.index("overshoot, 50 µm")]
     assert "strongest without hysteresis model (single-valued): 10.00 ± 0.30 %" in tile
@@ -199,18 +199,18 @@ def test_the_verdict_follows_the_strongest_baseline(
         for cell in cells()
         if cell.variant != "ratio"
     ]
-    found = judge_steps(grouped(changed), "full")
+    found = judge_steps(group_by_step(changed), "full")
     assert found.level == level
-    assert (WHERE_IT_PAYS["feedback"] in found.text) == (level != "yes")
+    assert (BENEFICIAL_CONDITIONS["feedback"] in found.text) == (level != "yes")
     assert "of 'single-valued'" in found.text
     assert (
-        judge_steps(grouped(changed), "single-valued").text == found.text
+        judge_steps(group_by_step(changed), "single-valued").text == found.text
     )  # of the model beside it
 
 
 def test_without_a_hysteresis_model_the_verdict_remains_open() -> None:
     alone = [cell for cell in cells() if cell.variant != "full"]
-    assert judge_steps(grouped(alone), "single-valued").level == "unknown"
+    assert judge_steps(group_by_step(alone), "single-valued").level == "unknown"
 
 
 def test_the_map_says_against_whom_and_where_there_is_no_gain() -> None:
@@ -231,7 +231,7 @@ def test_lost_levitation_is_reported_first(subject: SimulationSubject) -> None:
     fallen = [
         replace(cell, figures={}, lost=7) if cell.variant == "ratio" else cell for cell in cells()
     ]
-    text = Page(render(replace(subject, steps=grouped(fallen)))).text
+    text = Page(render(replace(subject, steps=group_by_step(fallen)))).text
     assert "ratio at 10 µm at 0.45 mm: 7 of 20 runs" in text
     assert text.index("Levitation lost") < text.index("Not worth it here")
     assert "7 of 20 lost" in text
@@ -248,7 +248,7 @@ def test_an_overshoot_that_is_noise_is_marked(subject: SimulationSubject) -> Non
         else cell
         for cell in cells()
     ]
-    text = Page(render(replace(subject, steps=grouped(noisy)))).text
+    text = Page(render(replace(subject, steps=group_by_step(noisy)))).text
     assert "7.25 ± 0.25 % ≤ noise" in text.replace("\N{NO-BREAK SPACE}", " ")
     assert "12.10 ± 0.25 % ≤ noise" not in text.replace("\N{NO-BREAK SPACE}", " ")
     assert "24.75 ± 0.30 7.12 ± 0.30 7.25 ± 0.25 ≤ noise" in text
@@ -265,7 +265,7 @@ def test_no_difference_within_the_noise_of_a_standstill_is_certain(
         else cell
         for cell in cells()
     ]
-    text = Page(render(replace(subject, steps=grouped(noisy)))).text
+    text = Page(render(replace(subject, steps=group_by_step(noisy)))).text
     assert "model, alike within the noise: overshoot" in text
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst_rigs.rig.force.file import Rig, read_rig
+from anhyst_rigs.rig.force.file import ForceControlRig, read_rig
 from anhyst_rigs.rig.force.programs import Program
 from anhyst_rigs.study.force_control import build_program
 from tests.once import made_once
@@ -18,7 +18,7 @@ from tests.truths import truth
 EXAMPLE = ROOT / "examples" / "solenoid"
 
 
-def example() -> Rig:
+def example() -> ForceControlRig:
     return read_rig(EXAMPLE / "rig.toml")
 
 

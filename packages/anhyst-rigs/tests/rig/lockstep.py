@@ -6,7 +6,7 @@ import numpy as np
 
 from anhyst_rigs.link.virtual_boards import Reading
 from anhyst_rigs.rig.bearing.loop import BearingSetup
-from anhyst_rigs.rig.plant import current_loops, make_plant
+from anhyst_rigs.rig.plant import current_controllers, make_plant
 
 
 class SteppedBearing:
@@ -16,8 +16,8 @@ class SteppedBearing:
         self.bearing = make_plant(setup.rig, seed)
         self.load = setup.rig.settings.load.force_N
         self._scales = setup.position_control.settings("fixed")
-        self._loop = current_loops(setup.rig)[0]
-        self._read, self._integral = np.zeros((2, len(setup.rig.settings.placed))).tolist()
+        self._loop = current_controllers(setup.rig)[0]
+        self._read, self._integral = np.zeros((2, len(setup.rig.settings.body_magnets))).tolist()
         self._last: float | None = None
 
     def amperes(self, drives: tuple[float, ...]) -> list[float]:
@@ -36,7 +36,7 @@ class SteppedBearing:
             gap=0.0,
             force=0.0,
             current=self._read[0] / full,
-            further=tuple(current / full for current in self._read[1:]),
+            further_currents=tuple(current / full for current in self._read[1:]),
             position=(self._scales["gap_middle"] - gap) / self._scales["position_full"],
         )
 

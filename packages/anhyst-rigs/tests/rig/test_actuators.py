@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from anhyst._core import Coil, HeldPlant
-from anhyst.support.numeric import FloatArray, passed
+from anhyst.support.numeric import FloatArray, first_order_share
 from anhyst.support.units import MU_0
-from anhyst_rigs.rig.force.file import Rig, read_rig
+from anhyst_rigs.rig.force.file import ForceControlRig, read_rig
 from anhyst_rigs.rig.parts.iron import CellSteel
-from anhyst_rigs.rig.parts.magnet import CircuitTable, FluxPath, solenoid_magnet
+from anhyst_rigs.rig.parts.magnet import CircuitTable, FluxPath, make_solenoid_magnet
 from anhyst_rigs.rig.sensor_table import NoisySensor
 from tests.oracles.cell_iron import CellIron
 from tests.oracles.held import OracleSensor, currents
@@ -103,7 +103,7 @@ def test_a_loop_of_iron_costs_energy() -> None:
 
 
 def solenoid() -> Coil:
-    return Coil(solenoid_magnet(STEEL, PATH, CIRCUIT))
+    return Coil(make_solenoid_magnet(STEEL, PATH, CIRCUIT))
 
 
 @pytest.mark.parametrize("gap", GAPS)
@@ -123,7 +123,10 @@ def test_a_cone_that_saturates_for_good_is_left_and_entered_in_jumps(gap: float)
     """Newton's steps from there may go to and fro between both ends for ever."""
     other = {"face_area_m2": 6e-6, "leakage_H": 0.0, "cone_clearance_m": 1e-4}
     circuit = CIRCUIT.model_copy(update=other)
-    ours, again = Coil(solenoid_magnet(STEEL, PATH, circuit)), OracleSolenoid(STEEL, PATH, circuit)
+    ours, again = (
+        Coil(make_solenoid_magnet(STEEL, PATH, circuit)),
+        OracleSolenoid(STEEL, PATH, circuit),
+    )
     for current in (1.2, 0.0, 4.0, -4.0, 0.01, -1.2, 0.3):
         expected = again.step(current, gap)
         assert ours.hold(current, gap) == pytest.approx(expected, rel=1e-5, abs=1e-6)
@@ -132,7 +135,7 @@ def test_a_cone_that_saturates_for_good_is_left_and_entered_in_jumps(gap: float)
 
 def test_a_plunger_in_front_of_a_sharp_edge_is_pulled_as_by_one_that_is_hardly_blunt() -> None:
     sharp, blunt = (
-        Coil(solenoid_magnet(STEEL, PATH, CIRCUIT.model_copy(update={"cone_onset_m": onset})))
+        Coil(make_solenoid_magnet(STEEL, PATH, CIRCUIT.model_copy(update={"cone_onset_m": onset})))
         for onset in (1e-12, 1e-7)
     )
     for current in (1.2, 0.0, 0.5):
@@ -180,37 +183,37 @@ def test_a_solenoid_on_a_voltage_gives_its_plunger_what_it_took_less_the_heat_of
 
 
 @pytest.fixture(scope="module")
-def rig() -> Rig:
+def rig() -> ForceControlRig:
     return read_rig(ROOT / "examples" / "solenoid" / "rig.toml")
 
 
 def test_amplifier_and_sensors_of_a_held_actuator_are_those_written_again_bit_for_bit(
-    rig: Rig,
+    rig: ForceControlRig,
 ) -> None:
     rng, ticks = np.random.default_rng(2), 400
     reference = np.repeat(rng.uniform(-0.2, 1.5, ticks // 20), 20)  # beyond both ends too
     gap, noise = rng.uniform(1e-3, 3e-3, ticks), 1e-3 * rng.standard_normal((ticks, 3))
-    found = rig.plant().run(reference, gap, noise)
-    assert found[:, 0].tolist() == currents(rig.held_numbers(), reference)
+    found = rig.make_plant().run(reference, gap, noise)
+    assert found[:, 0].tolist() == currents(rig.amplifier_parameters(), reference)
     magnet = rig.magnet()
     assert found[:, 1].tolist() == [
         magnet.hold(*one) for one in zip(found[:, 0].tolist(), gap.tolist(), strict=True)
     ]
     quantities = {"gap": gap, "force": found[:, 1], "current": found[:, 0]}
     for n, (name, values) in enumerate(quantities.items()):
-        sensor = OracleSensor(rig.sensor_numbers(rig.dt)[name])
+        sensor = OracleSensor(rig.sensor_parameters(rig.dt)[name])
         pairs = zip(values.tolist(), noise[:, n].tolist(), strict=True)
         assert found[:, 2 + n].tolist() == [sensor.read(*one) for one in pairs], name
     assert found[:, 0].max() < 1.2  # the zero of its shunt is an error of the current
     assert (found[:, 0] == 0.0).any()  # which never is below zero
 
 
-def test_an_amplifier_is_late_by_a_tick_follows_and_keeps_its_limits(rig: Rig) -> None:
+def test_an_amplifier_is_late_by_a_tick_follows_and_keeps_its_limits(rig: ForceControlRig) -> None:
     def step(**changes: float) -> FloatArray:
         plant = HeldPlant(
-            rig.held_numbers() | changes,
-            [*rig.sensor_numbers(rig.dt).values()],
-            solenoid_magnet(STEEL, PATH, CIRCUIT),
+            rig.amplifier_parameters() | changes,
+            [*rig.sensor_parameters(rig.dt).values()],
+            make_solenoid_magnet(STEEL, PATH, CIRCUIT),
         )
         return plant.run(np.full(60, 1.0), np.full(60, 1e-3), np.zeros((60, 3)))[:, 0]
 
@@ -232,7 +235,7 @@ def test_a_sensor_has_the_noise_offset_and_lag_that_it_says() -> None:
     assert many.mean() == pytest.approx(1.1, abs=0.01)
     assert many.std() == pytest.approx(0.2, rel=0.03)
     assert NoisySensor(noisy, [6]).read(np.ones(1))[0] != many[0]
-    lag = noisy | {"noise": 0.0, "offset": 0.0, "share": passed(1e-3 / 0.01), "delay": 2}
+    lag = noisy | {"noise": 0.0, "offset": 0.0, "share": first_order_share(1e-3 / 0.01), "delay": 2}
     values = np.concatenate([[0.0], np.ones(12)])
     late = NoisySensor(lag, [1]).read(values)
     assert late[:3].tolist() == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)

@@ -14,12 +14,12 @@ from anhyst.data.formats.text import write_csv
 from anhyst.model.writer import write_model
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.states import Command
-from anhyst_rigs.rig.bearing.held import lost_at
+from anhyst_rigs.rig.bearing.held import levitation_loss_time
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
-from anhyst_rigs.rig.recording import HOVER, READY, Recording
+from anhyst_rigs.rig.recording import HOVER_CODE, READY_CODE, Recording
 from anhyst_rigs.rig.tables import DisturbanceTable
 from anhyst_rigs.study.bearing.operating import find_operating_point
 from tests.study import bearings
@@ -43,16 +43,19 @@ def levitate(
     script.command(Command.LAND).hold(0.5)
     recording = bearings.run_plant(setup, script)
     assert len(recording) == script.ticks
-    assert lost_at(rig, recording.part(0, down), script.build().lifted) is None
-    assert recording["state"][-1] == READY
-    last = recording.part(down - 2000, down)
+    assert (
+        levitation_loss_time(rig, recording.slice_ticks(0, down), script.build().lift_end_tick)
+        is None
+    )
+    assert recording["state"][-1] == READY_CODE
+    last = recording.slice_ticks(down - 2000, down)
     assert last["gap_m"].mean() == pytest.approx(GAP - 10e-6, abs=0.2e-6)
-    return recording, recording.part(begin, stepped)
+    return recording, recording.slice_ticks(begin, stepped)
 
 
 def holds(still: Recording, load: float, most: float) -> None:
     """Hold the gap within `most`, carry the load."""
-    assert set(still["state"]) == {HOVER}
+    assert set(still["state"]) == {HOVER_CODE}
     assert np.abs(still["gap_m"] - GAP).max() < most
     assert still["force_N"].mean() == pytest.approx(load, abs=0.2)
 
@@ -69,7 +72,7 @@ def holds(still: Recording, load: float, most: float) -> None:
     ],
 )
 def test_the_measured_flux_hangs_still(changes: Changes, number_format: NumberFormat) -> None:
-    rig = changed(bearings.example(), changes)
+    rig = change_rig(bearings.example(), changes)
     table = bearings.controller().settings
     setup = make_setup(rig, table, bearings.knowledge(), "flux", number_format)
     _, still = levitate(rig, setup=setup)
@@ -94,7 +97,7 @@ def test_the_measured_flux_hangs_still(changes: Changes, number_format: NumberFo
     ],
 )
 def test_it_hangs_still(changes: Changes) -> None:
-    rig = changed(bearings.example(), changes)
+    rig = change_rig(bearings.example(), changes)
     find_operating_point(rig)
     _, still = levitate(rig)
     holds(still, 150.0, 0.3e-6)
@@ -104,7 +107,7 @@ def test_it_hangs_still(changes: Changes) -> None:
 def test_weight_counts_as_load() -> None:
     weight = 2.0 * 9.81
     changes = {"body.gravity_m_per_s2": 9.81, "load.force_N": 150.0 - weight}
-    _, still = levitate(changed(bearings.example(), changes))
+    _, still = levitate(change_rig(bearings.example(), changes))
     holds(still, 150.0, 0.3e-6)
     assert still["load_N"].mean() == pytest.approx(150.0 - weight, abs=0.1)
 
@@ -113,7 +116,7 @@ def test_a_sharper_sensor_makes_a_quieter_hover() -> None:
     """LVDT, encoder, capacitive, laser: in the order of their noise."""
     spread = []
     for kind in ("lvdt", "encoder", "capacitive", "laser"):
-        rig = changed(bearings.example(), {"gap_sensor": bearings.sensor(kind)})
+        rig = change_rig(bearings.example(), {"gap_sensor": bearings.sensor(kind)})
         spread.append(float(levitate(rig)[1]["gap_m"].std()))
     assert spread == sorted(spread, reverse=True)
     assert spread[0] > 20.0 * spread[-1]
@@ -122,7 +125,9 @@ def test_a_sharper_sensor_makes_a_quieter_hover() -> None:
 def test_a_late_amplifier_is_a_late_output() -> None:
     """Half a tick of computing and half a tick of amplifier are one tick: to the bit."""
     late = {"timing.delay_ticks": 0.5, "amplifier.delay_s": 25e-6}
-    records = [levitate(rig)[0] for rig in (bearings.example(), changed(bearings.example(), late))]
+    records = [
+        levitate(rig)[0] for rig in (bearings.example(), change_rig(bearings.example(), late))
+    ]
     assert np.array_equal(records[0].table, records[1].table, equal_nan=True)
 
 
@@ -132,10 +137,10 @@ def test_disturbances_push_as_they_say() -> None:
     def pushed(kind: str, force: float, frequency: float | None = None) -> Recording:
         given = {"kind": kind, "force_N": force, "start_s": begin, "frequency_Hz": frequency}
         one = DisturbanceTable.model_validate(given)
-        recording, _ = levitate(changed(bearings.example(), {"load.disturbance": [one]}), 1.0)
-        before = recording.part(9200, 9990)
+        recording, _ = levitate(change_rig(bearings.example(), {"load.disturbance": [one]}), 1.0)
+        before = recording.slice_ticks(9200, 9990)
         assert np.ptp(before["load_N"]) < 1e-9
-        return recording.part(10400, 28000)
+        return recording.slice_ticks(10400, 28000)
 
     step = pushed("step", 10.0)
     assert step["load_N"].mean() == pytest.approx(160.0, abs=0.01)
@@ -155,8 +160,8 @@ def test_disturbances_push_as_they_say() -> None:
 def test_a_rendered_load_pushes_back() -> None:
     """Its stiffness pulls the armature to where it rests; its damping takes from a movement."""
     changes = {"load.stiffness_N_per_m": 5e4}
-    recording, _ = levitate(changed(bearings.example(), changes))
-    up = recording.part(len(recording) - 10000 - 2000, len(recording) - 10000)
+    recording, _ = levitate(change_rig(bearings.example(), changes))
+    up = recording.slice_ticks(len(recording) - 10000 - 2000, len(recording) - 10000)
     away = up["gap_m"].mean() - bearings.example().settings.gap_m
     assert up["load_N"].mean() == pytest.approx(150.0 - 5e4 * away, abs=0.05)
     assert up["force_N"].mean() == pytest.approx(150.5, abs=0.1)
@@ -166,16 +171,16 @@ def test_a_rendered_load_pushes_back() -> None:
 def law(tmp_path: Path) -> BodyRig:
     """A magnet whose force the model identified from the example makes."""
     write_model(bearings.knowledge().model, tmp_path / "model.toml")
-    table = bearings.example().flux
+    table = bearings.example().flux_linkage
     current, gap = np.meshgrid(table.current, table.gap)
     columns = {"I_A": current.ravel(), "gap_m": gap.ravel(), "psi_Wb": table.psi.ravel()}
     write_csv(tmp_path / "flux.csv", columns)
-    rig = changed(bearings.example(), {"magnet.kind": "law", "magnet.model": "model.toml"})
+    rig = change_rig(bearings.example(), {"magnet.kind": "law", "magnet.model": "model.toml"})
     return replace(rig, path=tmp_path / "rig.toml")
 
 
 def with_table(rig: BodyRig) -> BodyRig:
-    return changed(rig, {"magnet.flux_table": "flux.csv", "magnet.iron": None, "irons": []})
+    return change_rig(rig, {"magnet.flux_table": "flux.csv", "magnet.iron": None, "irons": []})
 
 
 @pytest.mark.slow
@@ -194,10 +199,10 @@ def test_an_identified_law_makes_the_force(
         "gap_sensor": bearings.sensor("capacitive", noise_m=0.0, step_m=1e-13),
         "current_sensor.noise_A": 0.0,
     }
-    rig = changed(change(law), silent)
+    rig = change_rig(change(law), silent)
     at, own = find_operating_point(rig), find_operating_point(bearings.example())
-    assert at.point.k_i == pytest.approx(own.point.k_i, rel=0.05)
-    assert at.point.inductance == pytest.approx(own.point.inductance, rel=0.05)
+    assert at.bearing.k_i == pytest.approx(own.bearing.k_i, rel=0.05)
+    assert at.bearing.inductance == pytest.approx(own.bearing.inductance, rel=0.05)
     recording, still = levitate(rig)
     holds(still, 150.0, 0.3e-6)
     mine = still["demand_N"].mean() - still["force_N"].mean()
@@ -222,6 +227,6 @@ def test_a_scenario_in_parts_leads_to_where_the_whole_one_does() -> None:
     silent = replace(whole, feed=np.zeros(400), command=np.zeros(400, dtype=np.uint32))
     assert np.array_equal(SimulatedLoop(setup).run(silent).table, wanted.table)
     loop = SimulatedLoop(setup)
-    parts = [loop.run(whole.part(begin, begin + 100)) for begin in range(0, 400, 100)]
-    assert np.array_equal(Recording.joined(parts).table, wanted.table)
+    parts = [loop.run(whole.slice_ticks(begin, begin + 100)) for begin in range(0, 400, 100)]
+    assert np.array_equal(Recording.concatenate(parts).table, wanted.table)
     assert np.ptp(wanted["gap_m"]) > 0.0

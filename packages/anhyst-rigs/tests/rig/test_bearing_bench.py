@@ -13,7 +13,7 @@ import pytest
 
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, Phase, State
-from anhyst_rigs.link.client import ControllerLink, Refused
+from anhyst_rigs.link.client import ControllerLink, RequestRefusedError
 from anhyst_rigs.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
 from anhyst_rigs.link.virtual_boards import Q31, run_library
 from anhyst_rigs.rig.bearing.loop import BearingSetup
@@ -322,7 +322,7 @@ def test_a_gain_out_of_its_range_leaves_all_as_they_are(bench: BearingBench) -> 
 
 def test_a_refused_command_says_why_and_changes_nothing(bench: BearingBench) -> None:
     bench.advance(UP)
-    with refused("refused state", Refused):
+    with refused("refused state", RequestRefusedError):
         bench.command(Command.LIFT)
     assert column(bench, bench.advance(1), "state")[0] == State.IDLE
 

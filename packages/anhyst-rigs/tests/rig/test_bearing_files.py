@@ -60,15 +60,15 @@ def test_the_bundled_bearing_is_the_one_that_was_fixed() -> None:
     controller = read_controller(EXAMPLE / "controller.toml")
     check_controller(controller, rig)
     plant = rig.settings
-    assert (plant.body.mass_kg, rig.load) == (2.0, 150.0)
+    assert (plant.body.mass_kg, rig.static_load) == (2.0, 150.0)
     assert (plant.gap_m, plant.timing.rate_Hz) == (0.45e-3, 20e3)
     assert plant.timing.delay_ticks >= 1.0
-    assert plant.gap_sensor.step == 50e-9
+    assert plant.gap_sensor.resolution == 50e-9
     assert plant.noise_seeds == 20
     assert plant.step.heights_m == [10e-6, 20e-6, 50e-6, 100e-6]
-    assert rig.step == pytest.approx(12.5e-6)
-    assert rig.measured.places[0] == EXAMPLE / "loops.csv"
-    assert (rig.model, rig.flux_table, controller.model) == (None, None, None)
+    assert rig.substep == pytest.approx(12.5e-6)
+    assert rig.measured_loops.paths[0] == EXAMPLE / "loops.csv"
+    assert (rig.model_path, rig.flux_table_path, controller.model) == (None, None, None)
     pidd2 = controller.settings.pidd2()
     gains = design(mass=2.0, bandwidth=120.0, damping=1.0)
     assert (pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd) == (
@@ -82,7 +82,7 @@ def test_the_bundled_bearing_is_the_one_that_was_fixed() -> None:
 
 def test_weight_adds_to_the_load_where_it_opens_the_gap(folder: Path) -> None:
     change(folder / "rig.toml", "mass_kg = 2.0", "mass_kg = 2.0\ngravity_m_per_s2 = -9.81")
-    assert read_bearing(folder / "rig.toml").load == pytest.approx(150.0 - 19.62)
+    assert read_bearing(folder / "rig.toml").static_load == pytest.approx(150.0 - 19.62)
 
 
 def test_steps_go_half_their_height_to_either_side_of_the_gap() -> None:
@@ -108,7 +108,7 @@ def test_the_resolution_is_that_of_the_file_or_of_the_kind(
 ) -> None:
     change(folder / "rig.toml", old, new)
     sensor = read_bearing(folder / "rig.toml").settings.gap_sensor
-    assert sensor.step == pytest.approx(step, rel=1e-12)
+    assert sensor.resolution == pytest.approx(step, rel=1e-12)
 
 
 def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
@@ -331,7 +331,7 @@ def test_a_magnet_of_an_identified_law_names_its_files(folder: Path) -> None:
     law = 'kind = "law"\nmodel = "m.toml"\nflux_table = "psi.csv"'
     change(path, 'kind = "electromagnet"', law)
     rig = read_bearing(path)
-    assert (rig.model, rig.flux_table) == (folder / "m.toml", folder / "psi.csv")
+    assert (rig.model_path, rig.flux_table_path) == (folder / "m.toml", folder / "psi.csv")
 
 
 def test_a_load_that_no_current_carries_is_refused(folder: Path) -> None:
@@ -577,5 +577,5 @@ def test_magnets_are_a_list_each_with_its_own_gap() -> None:
     gap = np.array([0.4e-3])
     total = bearings.pair_rig().settings.gap_total_m
     assert total is not None
-    assert bearings.example().gaps_at(gap) == [gap]
-    assert bearings.pair_rig().gaps_at(gap) == [gap, total - gap]
+    assert bearings.example().magnet_gaps(gap) == [gap]
+    assert bearings.pair_rig().magnet_gaps(gap) == [gap, total - gap]

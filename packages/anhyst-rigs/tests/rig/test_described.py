@@ -13,7 +13,7 @@ from anhyst.control.controller_file import ControllerTable
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.force.file import SolenoidFile
-from anhyst_rigs.rig.sensor_table import POSITION_SENSORS
+from anhyst_rigs.rig.sensor_table import GAP_SENSOR_DEFAULTS
 from tests.repository import ROOT
 
 DOCS = ROOT / "docs"
@@ -71,7 +71,7 @@ def test_every_key_of_a_solenoid_is_described() -> None:
 def test_the_page_reports_what_each_kind_of_sensor_has() -> None:
     text = (DOCS / "rig-file.md").read_text(encoding="utf-8")
     scale = {"nm": 1e-9, "us": 1e-6, "kHz": 1e3, "Hz": 1.0}
-    for kind, usual in POSITION_SENSORS.items():
+    for kind, usual in GAP_SENSOR_DEFAULTS.items():
         (row,) = re.findall(rf"^\| {kind} \| (.*) \|$", text, re.MULTILINE)
         cells = [cell.split() for cell in row.split(" | ")]
         values = [float(c[0]) * scale[c[1]] if c[1:] and c[1] in scale else 0.0 for c in cells]

@@ -11,13 +11,18 @@ import pytest
 from anhyst.compensate.current_map import fit_ratio
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, State
-from anhyst_rigs.link.client import Refused
+from anhyst_rigs.link.client import RequestRefusedError
 from anhyst_rigs.link.virtual_boards import Reading
 from anhyst_rigs.rig.bench.force import Armature, ForceBench, StandPlant, run_firmware
 from anhyst_rigs.rig.case_table import ForceCase
-from anhyst_rigs.rig.force.bench import ActuatorStand, run_open_loop, triangle
-from anhyst_rigs.rig.force.file import Rig
-from anhyst_rigs.rig.force.programs import Program, loops_at, loops_of_rig, ticks_that_differ
+from anhyst_rigs.rig.force.bench import ActuatorStand, run_open_loop, triangle_demand
+from anhyst_rigs.rig.force.file import ForceControlRig
+from anhyst_rigs.rig.force.programs import (
+    Program,
+    count_differing_ticks,
+    loops_at_gap,
+    read_rig_loops,
+)
 from tests.refusals import refused
 from tests.rig import forces
 
@@ -26,7 +31,7 @@ UP = 40
 
 
 @pytest.fixture(scope="module")
-def rig() -> Rig:
+def rig() -> ForceControlRig:
     return forces.example()
 
 
@@ -36,7 +41,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Program:
 
 
 @pytest.fixture
-def bench(rig: Rig, program: Program) -> Iterator[ForceBench]:
+def bench(rig: ForceControlRig, program: Program) -> Iterator[ForceBench]:
     opened = ForceBench(rig, program)
     opened.advance(UP)
     yield opened
@@ -53,26 +58,28 @@ def column(bench: ForceBench, rows: FloatArray, name: str) -> FloatArray:
     return found
 
 
-def test_a_firmware_drives_what_its_simulated_program_gives(rig: Rig, program: Program) -> None:
+def test_a_firmware_drives_what_its_simulated_program_gives(
+    rig: ForceControlRig, program: Program
+) -> None:
     shape = ForceCase(kind="force", name="wide", low=0.05, high=0.95, period_s=0.4, cycles=1)
-    demand = triangle(shape, rig.settings.force.force_max_N, 1.0 / rig.dt)
+    demand = triangle_demand(shape, rig.settings.force.force_max_N, 1.0 / rig.dt)
     gap = np.full(demand.force.size, rig.settings.force.end_m)
     stand = ActuatorStand(rig, [2, 0])
-    found, session = run_firmware(rig, program, stand, gap, demand, "library", demagnetised=True)
-    assert ticks_that_differ(program, session) == 0
+    found, session = run_firmware(rig, program, stand, gap, demand, "library", is_demagnetised=True)
+    assert count_differing_ticks(program, session) == 0
     # Nothing moved before the run: its commands alone make the currents and forces.
     alone = run_open_loop(ActuatorStand(rig, [2, 0]), gap, found["command_A"])
     for name in ("t_s", "command_A", "current_A", "force_N", "gap_m"):
         assert (found[name] == alone[name]).all(), name
     gauge = rig.settings.gap_sensor
-    assert found["gap_read_m"] == pytest.approx(gap, abs=6.0 * gauge.noise_m + gauge.step)
+    assert found["gap_read_m"] == pytest.approx(gap, abs=6.0 * gauge.noise_m + gauge.resolution)
 
 
 def test_compensation_is_switched_while_it_runs(
-    rig: Rig, program: Program, bench: ForceBench
+    rig: ForceControlRig, program: Program, bench: ForceBench
 ) -> None:
     settings = rig.settings.force
-    loops = loops_at(loops_of_rig(rig), settings.end_m)
+    loops = loops_at_gap(read_rig_loops(rig), settings.end_m)
     bench.apply({"ratio": 1.0 / float(fit_ratio(loops, settings.force_max_N).ratio[0])})
     run(bench)
     bench.apply({"demand_slew": 200.0})
@@ -124,7 +131,7 @@ def test_what_does_not_fit_is_refused_and_nothing_changes(bench: ForceBench) -> 
         bench.demand(1000.0)
     with refused("no-load-drive load"):
         bench.load(1.0)
-    with refused("refused state", Refused):
+    with refused("refused state", RequestRefusedError):
         bench.command(Command.RUN)
     assert bench.parameters() == before
     assert column(bench, bench.advance(1), "state")[0] == State.RUN
@@ -158,8 +165,10 @@ BROKEN: dict[str, Callable[[float], float]] = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_current_that_does_not_follow_is_a_fault(rig: Rig, program: Program, name: str) -> None:
-    plant = BrokenSensor.free(rig, program, 0)
+def test_a_current_that_does_not_follow_is_a_fault(
+    rig: ForceControlRig, program: Program, name: str
+) -> None:
+    plant = BrokenSensor.with_operator(rig, program, 0)
     with closing(ForceBench(rig, program, plant)) as bench:
         bench.advance(UP)
         run(bench)
@@ -185,7 +194,7 @@ def test_normal_operation_of_a_force_raises_no_fault(bench: ForceBench, seconds:
     assert column(bench, rows, "state")[-1] == State.READY
     bench.command(Command.RUN)
     for _ in range(2 * seconds):
-        bench.demand(float(rng.uniform(0.0, bench.aim.high)))
+        bench.demand(float(rng.uniform(0.0, bench.demand_range.high)))
         rows = bench.advance(500)
         assert (column(bench, rows, "fault") == Fault.NONE).all()
     assert column(bench, rows, "state")[-1] == State.RUN

@@ -37,7 +37,7 @@ def change(path: Path, old: str, new: str) -> None:
 def test_the_bundled_rigs_are_read(folder: Path) -> None:
     rig = read_rig(folder / "rig.toml")
     assert rig.dt == 1.0 / rig.settings.timing.rate_Hz
-    assert rig.measured.places[0] == folder / "loops.csv"
+    assert rig.measured_loops.paths[0] == folder / "loops.csv"
     assert rig.magnet().hold(1.0, 1e-3) > 30.0
 
 

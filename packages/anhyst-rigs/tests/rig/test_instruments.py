@@ -10,14 +10,14 @@ from anhyst.data import History, Loop, Loops
 from anhyst.support.units import QUANTITIES
 from anhyst_rigs.rig.case_table import ForceCase, MovingCase
 from anhyst_rigs.rig.force.bench import (
-    LEAD_IN,
+    LEAD_IN_S,
     ActuatorStand,
+    add_lead_in,
     moving_gap,
     run_open_loop,
-    triangle,
-    with_lead_in,
+    triangle_demand,
 )
-from anhyst_rigs.rig.force.file import Rig, read_rig
+from anhyst_rigs.rig.force.file import ForceControlRig, read_rig
 from tests.refusals import refused
 from tests.repository import ROOT
 
@@ -26,7 +26,7 @@ RATE = 200.0
 
 
 @pytest.fixture(scope="module")
-def rig() -> Rig:
+def rig() -> ForceControlRig:
     return read_rig(EXAMPLE / "rig.toml")
 
 
@@ -49,8 +49,8 @@ def loopset(*pairs: tuple[float, float]) -> Loops:
 
 def test_a_triangle_turns_where_it_says_after_its_lead_in() -> None:
     shape = ForceCase(kind="force", name="wide", low=0.05, high=0.95, period_s=0.5, cycles=3)
-    demand = triangle(shape, 40.0, RATE)
-    assert demand.lead_in == round(LEAD_IN * RATE)
+    demand = triangle_demand(shape, 40.0, RATE)
+    assert demand.lead_in == round(LEAD_IN_S * RATE)
     proper = demand.force[demand.lead_in :]
     assert proper.size == 301
     assert (proper[0], proper[-1]) == (2.0, 2.0)
@@ -62,7 +62,7 @@ def test_a_triangle_turns_where_it_says_after_its_lead_in() -> None:
 
 
 def test_a_demand_that_begins_at_zero_has_a_flat_lead_in() -> None:
-    demand = with_lead_in("file", np.array([0.0, 1.0]), RATE)
+    demand = add_lead_in("file", np.array([0.0, 1.0]), RATE)
     assert not demand.force[: demand.lead_in].any()
 
 
@@ -83,7 +83,7 @@ def test_the_single_valued_curve_lies_midway_so_that_no_other_is_better() -> Non
         middle = 0.02 * force * (1.0 + 100.0 * gap)
         found = curve.run(force, np.full(50, gap))
         assert np.abs(found - middle).max() < 0.02 * width
-    assert (np.diff(curve.table, axis=1) >= 0.0).all()
+    assert (np.diff(curve.currents, axis=1) >= 0.0).all()
     moving = curve.run(np.full(50, 20.0), np.linspace(1e-3, 3e-3, 50))
     assert (np.diff(moving) > 0.0).all()
 
@@ -114,7 +114,7 @@ def test_loops_that_do_not_reach_the_largest_force_are_refused() -> None:
         fit_single_valued(loopset((1e-3, 0.1)), 60.0)
 
 
-def test_a_reference_flows_one_tick_later(rig: Rig) -> None:
+def test_a_reference_flows_one_tick_later(rig: ForceControlRig) -> None:
     reference = np.array([0.5, 0.5, 0.0, 0.0, 0.0])
     record = run_open_loop(ActuatorStand(rig, [3]), np.full(5, 1e-3), reference)
     assert record["command_A"].tolist() == reference.tolist()
@@ -124,27 +124,29 @@ def test_a_reference_flows_one_tick_later(rig: Rig) -> None:
     assert record["current_A"][4] < record["current_A"][3]
 
 
-def test_two_benches_of_one_seed_are_the_same_and_noise_is_not_the_truth(rig: Rig) -> None:
+def test_two_benches_of_one_seed_are_the_same_and_noise_is_not_the_truth(
+    rig: ForceControlRig,
+) -> None:
     gap = np.linspace(1e-3, 2e-3, 40)
     reference = np.linspace(0.0, 1.0, 40)
     stands = [ActuatorStand(rig, [seed]) for seed in (1, 1, 2)]
     for stand in stands:
-        stand.give_past(gap[0])
+        stand.apply_random_history(gap[0])
     one, two, other = (run_open_loop(stand, gap, reference) for stand in stands)
     assert one["force_read_N"].tolist() == two["force_read_N"].tolist()
     assert one["force_N"].tolist() != other["force_N"].tolist()  # another unknown past
     assert one["gap_m"].tolist() == gap.tolist()
-    assert one["gap_read_m"].tolist() == rig.instruments([1])["gap"].read(gap).tolist()
+    assert one["gap_read_m"].tolist() == rig.make_sensors([1])["gap"].read(gap).tolist()
     apart = one["force_read_N"][5:] - one["force_N"][5:]
     assert 0.0 < np.abs(apart).max() < 3.0
 
 
-def test_the_start_up_sequence_makes_the_past_forgotten(rig: Rig) -> None:
+def test_the_start_up_sequence_makes_the_past_forgotten(rig: ForceControlRig) -> None:
     reference, gap = np.linspace(0.0, 1.0, 30), np.full(30, 1.5e-3)
     forces = []
     for seed in (1, 2, 3):
         stand = ActuatorStand(rig, [seed])
-        stand.give_past(gap[0])
+        stand.apply_random_history(gap[0])
         stand.condition([1.2, 0.0], gap[0])
         forces.append(run_open_loop(stand, gap, reference)["force_N"])
     assert np.ptp(forces, axis=0).max() < 1e-9

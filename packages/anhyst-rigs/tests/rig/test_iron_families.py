@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from anhyst._core import Coil, Piece
-from anhyst.data.verdict import judge
+from anhyst.data.verdict import assess_loops
 from anhyst_rigs.rig.body import read_bearing
-from anhyst_rigs.rig.drift import Drift, changed, drifted_file, with_iron
+from anhyst_rigs.rig.drift import Drift, change_iron, change_rig, drifted_file
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.rig.measuring import measure_loops
-from anhyst_rigs.rig.parts.magnet import solenoid_magnet
+from anhyst_rigs.rig.parts.magnet import make_solenoid_magnet
 from anhyst_rigs.rig.plant import make_plant
 from tests.oracles.solenoid import OracleGap
 from tests.plant.irons import FOLDER, STEELS
@@ -59,8 +59,8 @@ def solenoid(tmp_path: Path) -> Path:
 @every
 def test_a_bearing_pulls_harder_coming_down_whatever_its_iron(bearing: Path, name: str) -> None:
     rig = read_bearing(with_keys(bearing, keys_of(name)))
-    assert rig.settings.steel.numbers() == STEELS[name].numbers()
-    plant = make_plant(changed(rig, {"body.mass_kg": 1e200}), 0)  # welded in place
+    assert rig.settings.steel.plant_parameters() == STEELS[name].plant_parameters()
+    plant = make_plant(change_rig(rig, {"body.mass_kg": 1e200}), 0)  # welded in place
     plant.place([0.45e-3], [0.0])
     plant.hold(2.5, 0)
     rising = plant.force
@@ -77,7 +77,7 @@ def test_a_bearing_pulls_harder_coming_down_whatever_its_iron(bearing: Path, nam
 @every
 def test_a_solenoid_uses_up_its_ampere_turns_whatever_its_iron(solenoid: Path, name: str) -> None:
     with_keys(solenoid.with_name("solenoid.toml"), keys_of(name))
-    rig, piece = read_rig(solenoid), Piece(STEELS[name].plant())
+    rig, piece = read_rig(solenoid), Piece(STEELS[name].make_steel())
     file, magnet = rig.solenoid_file, rig.magnet()
     assert file is not None
     forces = []
@@ -96,7 +96,7 @@ def test_a_solenoid_follows_the_same_path_cut_finely(solenoid: Path) -> None:
     file = read_rig(solenoid).solenoid_file
     assert file is not None
     for name in ("preisach-hard", "duhem-hard"):
-        magnet = solenoid_magnet(STEELS[name], file.iron, file.circuit)
+        magnet = make_solenoid_magnet(STEELS[name], file.iron, file.circuit)
         coarse, fine = Coil(magnet), Coil(magnet)
         for start, end in ((0.0, 1.2), (1.2, 0.3), (0.3, 0.9)):
             coarse.hold(end, 1.6e-3)
@@ -187,9 +187,11 @@ def test_an_iron_of_any_family_gets_wider_loops(bearing: Path) -> None:
         ("preisach-usual", "pinning_A_per_m"),
     ):
         rig = read_bearing(with_keys(bearing, keys_of(name)))
-        narrow, wide = (judge(measure_loops(with_iron(rig, None, width))) for width in (1.0, 2.0))
+        narrow, wide = (
+            assess_loops(measure_loops(change_iron(rig, None, width))) for width in (1.0, 2.0)
+        )
         assert wide.width_relative > 1.5 * narrow.width_relative
-        other = with_iron(rig, None, 2.0).settings.steel
+        other = change_iron(rig, None, 2.0).settings.steel
         assert other.model_dump() == rig.settings.steel.model_dump() | {
             key: 2.0 * getattr(rig.settings.steel, key)
         }
@@ -199,7 +201,7 @@ def test_an_iron_of_any_family_gets_wider_loops(bearing: Path) -> None:
 def test_a_reversible_fraction_is_refused_where_the_family_has_none(bearing: Path) -> None:
     rig = read_bearing(with_keys(bearing, keys_of("duhem-usual")))
     with refused("not-iron-of-cells iron.family"):
-        with_iron(rig, 0.1)
+        change_iron(rig, 0.1)
 
 
 def test_an_iron_without_family_is_one_of_cells(bearing: Path) -> None:

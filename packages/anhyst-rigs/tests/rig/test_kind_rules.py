@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from anhyst.support.kinds import kind_of
+from anhyst.support.kinds import file_kind
 from anhyst.support.toml_text import toml_key, toml_value
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.kind_rules import read_rig_file
 from anhyst_rigs.rig.parts.magnet import ACTUATORS, ActuatorKind, Poles
-from anhyst_rigs.rig.stage.drives import least_of, opposed
+from anhyst_rigs.rig.stage.drives import min_single_force, opposing_magnets
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.study.excite.design import Bound, bearing_specimen
 from tests.refusals import refused
@@ -90,7 +90,7 @@ def read(folder: Path, content: Content) -> RigFile:
     lines = [f"{toml_key(key)} = {toml_value(value)}" for key, value in content.items()]
     path = folder / "rig.toml"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return read_rig_file(path, kind_of(path).word)
+    return read_rig_file(path, file_kind(path).word)
 
 
 def table_of(content: Content, name: str) -> tuple[str, Any]:
@@ -236,7 +236,7 @@ def wound(content: Content, **more: Any) -> Content:
 
 def test_force_is_controlled_of_one_magnet_of_either_kind(tmp_path: Path) -> None:
     content = example("force")
-    assert read(tmp_path, wound(content)).magnet.from_loops
+    assert read(tmp_path, wound(content)).magnet.has_iron_from_loops
     own, (_, like) = content["magnet"], SAMPLES["magnet like"]
     for magnets in ([], [*own, *wound(content)["magnet"]], [*own, like]):
         with refused("one-of-two magnet"):
@@ -293,7 +293,7 @@ def test_a_misspelt_list_is_named_with_its_first_line(
     path.write_text(text.replace(lists, wrong), encoding="utf-8")
     line = 1 + text[: text.index(lists)].count("\n")
     with refused(f"extra-forbidden {wrong.strip('[]')}: rig.toml:{line}:; {lists.strip('[]')}"):
-        read_rig_file(path, kind_of(path).word)
+        read_rig_file(path, file_kind(path).word)
 
 
 # What pushes as well as it pulls
@@ -303,7 +303,7 @@ def test_a_misspelt_list_is_named_with_its_first_line(
 def pushing(monkeypatch: pytest.MonkeyPatch) -> Content:
     """Return the planar example on actuators that go both ways."""
     monkeypatch.setitem(
-        ACTUATORS.added, "coil", ActuatorKind("thrust", {"inductance_H": "of the winding"}, coil)
+        ACTUATORS.plugins, "coil", ActuatorKind("thrust", {"inductance_H": "of the winding"}, coil)
     )
     path = EXAMPLES / "planar" / "rig.toml"
     content = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -326,9 +326,9 @@ def test_a_rig_of_what_goes_both_ways_has_no_pairs_and_no_least_force(
     pushing: Content, tmp_path: Path
 ) -> None:
     file = read(tmp_path, pushing)
-    assert file.magnet.both_ways
-    assert opposed(file) == list(range(10))
-    assert least_of(file) == -file.tracking.force_max_N
+    assert file.magnet.is_bidirectional
+    assert opposing_magnets(file) == list(range(10))
+    assert min_single_force(file) == -file.tracking.force_max_N
 
 
 @pytest.mark.parametrize(
@@ -370,10 +370,10 @@ def test_loops_and_instruments_of_what_goes_both_ways_go_both_ways(
     read(tmp_path, pushing)
     rig = read_stage(tmp_path / "rig.toml")
     specimen = bearing_specimen(rig)
-    assert specimen.current == Bound(1.5, "amplifier.current_low_A")
-    assert specimen.force == Bound(9.5, "force_sensor.low_N")
+    assert specimen.max_current == Bound(1.5, "amplifier.current_low_A")
+    assert specimen.max_force == Bound(9.5, "force_sensor.low_N")
     with refused("columns-missing"):
-        rig.measured.read()
+        rig.measured_loops.read()
 
 
 def test_turning_points_are_those_of_the_amplifier(tmp_path: Path) -> None:

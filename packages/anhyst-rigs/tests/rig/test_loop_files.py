@@ -22,7 +22,7 @@ def test_a_search_that_ctrl_c_ended_is_neither_gone_on_with_nor_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    loops = read_stage(stages.EXAMPLE / "rig.toml").measured.read()
+    loops = read_stage(stages.EXAMPLE / "rig.toml").measured_loops.read()
     half = SimpleNamespace(interrupted=True, model=bearings.knowledge().model)
     monkeypatch.setattr(measurement_table, "identify", lambda *_, **__: half)
     for _ in range(2):
@@ -36,7 +36,7 @@ def test_where_somebody_registers_a_law_nothing_is_taken_from_the_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    loops = read_stage(stages.EXAMPLE / "rig.toml").measured.read()
+    loops = read_stage(stages.EXAMPLE / "rig.toml").measured_loops.read()
     found = SimpleNamespace(interrupted=False, model=bearings.knowledge().model)
     calls: list[object] = []
 
@@ -48,7 +48,7 @@ def test_where_somebody_registers_a_law_nothing_is_taken_from_the_cache(
     for _ in range(2):
         identify_loops(loops, IdentifyTable(), "circuit")
     assert len(calls) == 1
-    monkeypatch.setitem(LAWS.added, "mine", LAWS["effective-field"])
+    monkeypatch.setitem(LAWS.plugins, "mine", LAWS["effective-field"])
     for _ in range(2):
         identify_loops(loops, IdentifyTable(), "circuit")
     assert len(calls) == 3
@@ -62,6 +62,8 @@ def test_no_magnet_of_a_fleet_and_no_piezo_is_judged_by_half_a_search(
         monkeypatch.setattr(module, "identify", lambda *_, **__: half)
     member = Member("one", stages.EXAMPLE / "loops.csv")
     with pytest.raises(KeyboardInterrupt):
-        fleet_magnets.identified(FleetTask(member, FleetSettings(20e3), tmp_path, ("auto", "auto")))
+        fleet_magnets.identify_member(
+            FleetTask(member, FleetSettings(20e3), tmp_path, ("auto", "auto"))
+        )
     with pytest.raises(KeyboardInterrupt):
         piezo.find_inverses(read_piezo_rig(stages.EXAMPLE.parent / "piezo" / "rig.toml"))

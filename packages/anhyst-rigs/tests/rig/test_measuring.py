@@ -9,7 +9,7 @@ import pytest
 
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.measurement_table import MeasurementTable
-from anhyst_rigs.rig.measuring import measure_place
+from anhyst_rigs.rig.measuring import measure_at_gap
 
 
 class Held:
@@ -43,5 +43,5 @@ def test_no_two_gaps_share_a_label(gap: float, name: str) -> None:
             **{"conditioning_cycles": 1, "records": [{"name": "up", "turns": [0.0, 1.0, 0.0]}]},
         }
     )
-    (loop,) = measure_place(cast(Any, Held()), campaign, 0)
+    (loop,) = measure_at_gap(cast(Any, Held()), campaign, 0)
     assert loop.label == name

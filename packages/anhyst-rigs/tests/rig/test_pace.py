@@ -14,8 +14,8 @@ import pytest
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
-from anhyst_rigs.rig.bench.pace import BEHIND_S, PacedBench, going_first
-from anhyst_rigs.rig.bench.protocol import Aim, Bench, Parameter, Signal, Subscription
+from anhyst_rigs.rig.bench.pace import MAX_LATENESS_S, PacedBench, raised_priority
+from anhyst_rigs.rig.bench.protocol import Bench, DemandRange, Parameter, Signal, Subscription
 from tests.refusals import refused
 
 RATE = 20000.0
@@ -27,7 +27,7 @@ class Counter(Bench):
     signals: tuple[Signal, ...] = tuple(
         Signal(name, "", "as given") for name in ("demand", "a", "b")
     )
-    aim = Aim("demand", "demand", "", -1.0, 1.0, 0.0)
+    aim = DemandRange("demand", "demand", "", -1.0, 1.0, 0.0)
     commands = ()
     tick = 0
 
@@ -95,46 +95,46 @@ def wait_for(condition: Callable[[], bool]) -> None:
 
 def test_a_recorder_gets_every_tick_in_order(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter(), paused=True)
-    recorder = pacer.subscribe("recorder", complete=True)
+    recorder = pacer.subscribe("recorder", is_complete=True)
     pacer.resume()
     time.sleep(0.3)
     pacer.close()
     rows = drain(recorder)
     assert len(rows) > 0.1 * RATE
     assert (rows[:, 0] == np.arange(1, len(rows) + 1)).all()
-    assert recorder.missed == 0
+    assert recorder.missed_ticks == 0
 
 
 def test_who_looks_on_slowly_loses_the_oldest_and_stalls_nobody(
     paced: Callable[..., PacedBench],
 ) -> None:
     pacer = paced(Counter(), paused=True)
-    viewer = pacer.subscribe("viewer", most=3)  # never asks while it runs
+    viewer = pacer.subscribe("viewer", max_chunks=3)  # never asks while it runs
     pacer.resume()
-    wait_for(lambda: pacer.pace().tick > 0.2 * RATE)
-    pace = pacer.pace()
-    assert pace.waits_for == ""
+    wait_for(lambda: pacer.pacing().tick > 0.2 * RATE)
+    pace = pacer.pacing()
+    assert pace.awaited_recorder == ""
     pacer.close()
     rows = drain(viewer)
     assert (np.diff(rows[:, 0]) == 1.0).all()
-    assert viewer.missed + len(rows) == rows[-1, 0]  # what was lost is counted
-    assert viewer.missed > 0
+    assert viewer.missed_ticks + len(rows) == rows[-1, 0]  # what was lost is counted
+    assert viewer.missed_ticks > 0
 
 
 def test_time_waits_for_a_recorder_that_has_no_room(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter(), paused=True)
-    recorder = pacer.subscribe("disk", most=3, complete=True)
+    recorder = pacer.subscribe("disk", max_chunks=3, is_complete=True)
     pacer.resume()
-    wait_for(lambda: pacer.pace().waits_for == "disk")
-    stands = pacer.pace().tick
+    wait_for(lambda: pacer.pacing().awaited_recorder == "disk")
+    stands = pacer.pacing().tick
     time.sleep(0.1)
-    assert pacer.pace().tick == stands
-    pacer.do(lambda bench: bench.demand(1.0))  # nobody else has to wait
+    assert pacer.pacing().tick == stands
+    pacer.execute(lambda bench: bench.demand(1.0))  # nobody else has to wait
     rows = [recorder.get() for _ in range(6)]
     numbers = np.concatenate([row[:, 0] for row in rows if row is not None])
     assert (numbers == np.arange(1, numbers.size + 1)).all()
     recorder.close()
-    wait_for(lambda: pacer.pace().tick > stands + 0.1 * RATE)
+    wait_for(lambda: pacer.pacing().tick > stands + 0.1 * RATE)
 
 
 @pytest.mark.first(2)
@@ -144,39 +144,39 @@ def test_time_goes_as_fast_as_it_is_told_to(speed: float, paced: Callable[..., P
     began = time.monotonic()
     pacer = paced(bench, speed)
     time.sleep(0.5)
-    tick, took = pacer.pace().tick, time.monotonic() - began
+    tick, took = pacer.pacing().tick, time.monotonic() - began
     assert 0 < tick <= took * RATE * speed
-    wait_for(lambda: pacer.pace().factor == pytest.approx(speed, rel=0.5))
+    wait_for(lambda: pacer.pacing().measured_speed == pytest.approx(speed, rel=0.5))
 
 
 def test_a_pause_stops_virtual_time_and_a_step_is_one_tick(
     paced: Callable[..., PacedBench],
 ) -> None:
     pacer = paced(Counter())
-    wait_for(lambda: pacer.pace().tick > 0)
+    wait_for(lambda: pacer.pacing().tick > 0)
     pacer.pause()
-    stands = pacer.do(lambda bench: bench.tick)
+    stands = pacer.execute(lambda bench: bench.tick)
     time.sleep(0.05)
-    assert pacer.do(lambda bench: bench.tick) == stands
-    assert pacer.pace().paused
-    assert pacer.pace().factor == 0.0
+    assert pacer.execute(lambda bench: bench.tick) == stands
+    assert pacer.pacing().is_paused
+    assert pacer.pacing().measured_speed == 0.0
     pacer.step()
-    wait_for(lambda: pacer.pace().tick == stands + 1)
+    wait_for(lambda: pacer.pacing().tick == stands + 1)
     pacer.step(500)
-    wait_for(lambda: pacer.pace().tick == stands + 501)
+    wait_for(lambda: pacer.pacing().tick == stands + 501)
     time.sleep(0.05)
-    assert pacer.pace().tick == stands + 501
+    assert pacer.pacing().tick == stands + 501
     began = time.monotonic()
     pacer.resume()
-    wait_for(lambda: pacer.pace().tick > stands + 600)
-    tick, took = pacer.pace().tick, time.monotonic() - began
+    wait_for(lambda: pacer.pacing().tick > stands + 600)
+    tick, took = pacer.pacing().tick, time.monotonic() - began
     assert tick <= stands + 501 + took * RATE  # the pause is not made up for
 
 
 def test_all_that_is_done_together_acts_on_one_tick(paced: Callable[..., PacedBench]) -> None:
     bench = Counter()
     pacer = paced(bench, paused=True)
-    recorder = pacer.subscribe("recorder", most=1000, complete=True)
+    recorder = pacer.subscribe("recorder", max_chunks=1000, is_complete=True)
     pacer.resume()
 
     def both(given: float) -> int:
@@ -184,12 +184,12 @@ def test_all_that_is_done_together_acts_on_one_tick(paced: Callable[..., PacedBe
             bench.demand(given)
             return bench.apply({"a": given, "b": given})
 
-        return pacer.do(act)
+        return pacer.execute(act)
 
     ticks = []
     for given in range(1, 20):
         ticks.append(both(float(given)))
-        wait_for(lambda: pacer.pace().tick >= ticks[-1])
+        wait_for(lambda: pacer.pacing().tick >= ticks[-1])
     pacer.close()
     rows = drain(recorder)
     assert (rows[:, 1] == rows[:, 2]).all()
@@ -202,18 +202,18 @@ def test_all_that_is_done_together_acts_on_one_tick(paced: Callable[..., PacedBe
 def test_a_bench_that_falls_behind_slows_down_and_says_so(paced: Callable[..., PacedBench]) -> None:
     bench = Counter(cost=2.0 / RATE)  # twice as long as there is time
     pacer = paced(bench, paused=True)
-    recorder = pacer.subscribe("recorder", most=10_000, complete=True)
+    recorder = pacer.subscribe("recorder", max_chunks=10_000, is_complete=True)
     pacer.resume()
-    wait_for(lambda: pacer.pace().slips >= 2)
-    pace = pacer.pace()
-    assert pace.factor < 0.7
-    assert pace.late_most > BEHIND_S / 2.0
-    assert pace.lost >= 2.0 * BEHIND_S
+    wait_for(lambda: pacer.pacing().slip_count >= 2)
+    pace = pacer.pacing()
+    assert pace.measured_speed < 0.7
+    assert pace.max_lateness > MAX_LATENESS_S / 2.0
+    assert pace.lost_time >= 2.0 * MAX_LATENESS_S
     bench.cost = 0.0
-    began, tick = time.monotonic(), pacer.pace().tick
+    began, tick = time.monotonic(), pacer.pacing().tick
     time.sleep(0.3)
-    done, took = pacer.pace().tick - tick, time.monotonic() - began
-    assert done <= RATE * (took + BEHIND_S + 0.03)  # it does not run after what it lost
+    done, took = pacer.pacing().tick - tick, time.monotonic() - began
+    assert done <= RATE * (took + MAX_LATENESS_S + 0.03)  # it does not run after what it lost
     pacer.close()
     rows = drain(recorder)
     assert (rows[:, 0] == np.arange(1, len(rows) + 1)).all()
@@ -222,23 +222,23 @@ def test_a_bench_that_falls_behind_slows_down_and_says_so(paced: Callable[..., P
 def test_what_is_refused_is_refused_to_who_asked(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter())
     with refused("refused"):
-        pacer.do(lambda bench: bench.command(Command.LIFT))
+        pacer.execute(lambda bench: bench.command(Command.LIFT))
     with refused("out-of-range speed: 0.01"):
         pacer.set_speed(2.0)
-    tick = pacer.pace().tick
-    wait_for(lambda: pacer.pace().tick > tick)
+    tick = pacer.pacing().tick
+    wait_for(lambda: pacer.pacing().tick > tick)
 
 
 def test_a_bench_that_ends_ends_all_queues_and_says_why(paced: Callable[..., PacedBench]) -> None:
     bench = Counter()
     bench.ends = 1000
     pacer = paced(bench, paused=True)
-    recorder = pacer.subscribe("recorder", complete=True)
+    recorder = pacer.subscribe("recorder", is_complete=True)
     pacer.resume()
     rows = drain(recorder)
     assert len(rows) == 1000
     with refused("no-answer: tick 1000"):
-        pacer.do(lambda bench: bench.tick)
+        pacer.execute(lambda bench: bench.tick)
     assert str(pacer.error).endswith("tick 1000")
 
 
@@ -249,7 +249,7 @@ def test_many_may_ask_at_once(paced: Callable[..., PacedBench]) -> None:
 
     def ask() -> None:
         for _ in range(50):
-            tick = pacer.do(lambda bench: bench.tick)
+            tick = pacer.execute(lambda bench: bench.tick)
             with lock:
                 seen.append(tick)
 
@@ -267,7 +267,7 @@ def test_a_thread_goes_first_for_a_while_and_then_as_before() -> None:
         return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
 
     before = schedule()
-    with going_first(3) as allowed:
+    with raised_priority(3) as allowed:
         within = schedule()
     assert schedule() == before
     assert within == ((os.SCHED_RR | os.SCHED_RESET_ON_FORK, 3) if allowed else before)

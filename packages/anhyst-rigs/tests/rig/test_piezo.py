@@ -10,8 +10,13 @@ import pytest
 
 from anhyst._core import PiezoLoop
 from anhyst.support.numeric import FloatArray, rms
-from anhyst_rigs.rig.piezo import at_rest, controller_numbers, read_piezo_rig
-from anhyst_rigs.study.piezo import follow, judged_from, measure, reference
+from anhyst_rigs.rig.piezo import controller_arguments, copy_at_rest, read_piezo_rig
+from anhyst_rigs.study.piezo import (
+    first_evaluated_tick,
+    follow_reference,
+    make_reference,
+    measure_stage_loops,
+)
 from tests.refusals import refused
 from tests.study import piezos
 
@@ -19,9 +24,9 @@ from tests.study import piezos
 @pytest.mark.parametrize("resonance", [480.0, 3000.0])
 def test_a_stage_rings_at_its_resonance_however_high(resonance: float) -> None:
     changes = {"flexure.resonance_Hz": resonance, "flexure.damping_ratio": 0.01}
-    rig = replace(piezos.rig(), settings=piezos.rig().settings.changed(changes))
+    rig = replace(piezos.rig(), settings=piezos.rig().settings.with_changes(changes))
     dt = 1e-5
-    place = rig.motion(dt).run(np.full(4000, 20.0))
+    place = rig.make_motion(dt).run(np.full(4000, 20.0))
     late = place[2000:] - np.convolve(place, np.ones(200) / 200, "same")[2000:]
     crossings = np.flatnonzero((late[:-1] < 0.0) & (late[1:] >= 0.0))[1:-1]
     parts = crossings - late[crossings] / (late[crossings + 1] - late[crossings])
@@ -31,9 +36,9 @@ def test_a_stage_rings_at_its_resonance_however_high(resonance: float) -> None:
 
 def still(load: float, ticks: int = 4000) -> FloatArray:
     """Return the places of a stage that is held at 20 um by its controller, under a load."""
-    rig, drive = piezos.rig(), at_rest(piezos.inverses()["full"])
-    loop = PiezoLoop(rig.motion(rig.dt), rig.settings.position_sensor.step_m)
-    loop.control(drive.native, **controller_numbers(rig, drive))
+    rig, drive = piezos.rig(), copy_at_rest(piezos.inverses()["full"])
+    loop = PiezoLoop(rig.make_motion(rig.dt), rig.settings.position_sensor.step_m)
+    loop.control(drive.native, **controller_arguments(rig, drive))
     wanted, none = np.full(ticks, 20e-6), np.zeros(ticks)
     loop.run(wanted, wanted, none, none)
     places: FloatArray = loop.run(wanted, wanted, none, none + load)[:, 0]
@@ -50,19 +55,19 @@ def test_a_load_moves_the_stage_by_what_it_says_until_the_integrator_takes_it_ba
 
 def test_a_loop_without_a_controller_does_not_run() -> None:
     rig, none = piezos.rig(), np.zeros(3)
-    loop = PiezoLoop(rig.motion(rig.dt), rig.settings.position_sensor.step_m)
+    loop = PiezoLoop(rig.make_motion(rig.dt), rig.settings.position_sensor.step_m)
     with pytest.raises(ValueError, match="no controller is in force"):
         loop.run(none, none, none, none)
 
 
 def test_a_compensator_that_follows_a_voltage_knows_the_stack_as_one_that_drove_it() -> None:
-    drove, followed = (at_rest(piezos.inverses()["full"]) for _ in range(2))
+    drove, followed = (copy_at_rest(piezos.inverses()["full"]) for _ in range(2))
     way = np.concatenate([np.linspace(5e-6, 3e-5, 500), np.linspace(3e-5, 1e-5, 400)])
     voltages = drove.run(way)
     expected = followed.follow(voltages, np.zeros(way.size))
     assert np.abs(expected - way).max() < 2e-9
     assert followed.solve(2e-5) == pytest.approx(drove.solve(2e-5), abs=1e-3)
-    assert abs(followed.solve(2e-5) - at_rest(drove).solve(2e-5)) > 0.5  # which knows nothing
+    assert abs(followed.solve(2e-5) - copy_at_rest(drove).solve(2e-5)) > 0.5  # which knows nothing
 
 
 @pytest.mark.parametrize(
@@ -91,14 +96,14 @@ def test_what_the_plant_cannot_follow_or_nobody_can_judge_is_refused(
 
 
 def test_a_stack_that_runs_away_is_named() -> None:
-    settings = piezos.rig().settings.changed({"stack.beta_per_V": 1e6})
+    settings = piezos.rig().settings.with_changes({"stack.beta_per_V": 1e6})
     with refused("stack-leaves-all-bounds stack[1]"):
-        measure(replace(piezos.rig(), settings=settings))
+        measure_stage_loops(replace(piezos.rig(), settings=settings))
 
 
 def test_a_position_that_no_converter_rounds_is_read_as_it_is() -> None:
-    settings = piezos.rig().settings.changed({"position_sensor.step_m": 0.0})
+    settings = piezos.rig().settings.with_changes({"position_sensor.step_m": 0.0})
     rig = replace(piezos.rig(), settings=settings)
-    run = follow(rig, reference(rig), piezos.inverses()["full"])
-    assert not run.lost
-    assert rms(run["error_m"][judged_from(rig) :]) < 3e-8
+    run = follow_reference(rig, make_reference(rig), piezos.inverses()["full"])
+    assert not run.loss_text
+    assert rms(run["error_m"][first_evaluated_tick(rig) :]) < 3e-8

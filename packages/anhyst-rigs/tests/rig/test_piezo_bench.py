@@ -11,10 +11,10 @@ import pytest
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.rig.bench.piezo import PiezoBench
-from anhyst_rigs.rig.bench.protocol import next_step, refusal, standing
-from anhyst_rigs.rig.drift import draw_plant, drifted_file
+from anhyst_rigs.rig.bench.protocol import controller_status, describe_next_step, refusal_reason
+from anhyst_rigs.rig.drift import drifted_file, sample_plant
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.study.piezo import follow, reference
+from anhyst_rigs.study.piezo import follow_reference, make_reference
 from tests.refusals import refused
 from tests.study import piezos
 
@@ -42,7 +42,7 @@ def is_like(rows: FloatArray, run: Recording) -> bool:
 
 
 def test_the_first_periods_are_what_a_simulation_gives_bit_for_bit() -> None:
-    run = follow(piezos.rig(), reference(piezos.rig()), piezos.inverses()["full"])
+    run = follow_reference(piezos.rig(), make_reference(piezos.rig()), piezos.inverses()["full"])
     bench = piezos.bench()
     bench.command(Command.RUN)
     rows = bench.advance(len(run))
@@ -52,9 +52,11 @@ def test_the_first_periods_are_what_a_simulation_gives_bit_for_bit() -> None:
 
 def test_a_drawn_plant_is_that_of_a_monte_carlo_bit_for_bit() -> None:
     rig = piezos.rig()
-    drift, noise = draw_plant(rig.settings, rig.settings.seed, 1)
+    drift, noise = sample_plant(rig.settings, rig.settings.seed, 1)
     plant = replace(rig, settings=drifted_file(rig.settings, drift))
-    run = follow(rig, reference(rig), piezos.inverses()["single-valued"], plant, noise)
+    run = follow_reference(
+        rig, make_reference(rig), piezos.inverses()["single-valued"], plant, noise
+    )
     bench = piezos.bench()
     bench.advance(100)
     assert bench.apply({"plant": 2.0, "compensation": 0.0}) == 101
@@ -204,14 +206,14 @@ def test_what_is_greyed_is_refused_and_the_next_step_leads_to_run(state: State) 
         bench.advance(60 * PERIOD)
     pressed: list[str] = []
     while (
-        now := standing(dict(zip(SIGNALS, bench.advance(1)[0, 1:], strict=True)))
+        now := controller_status(dict(zip(SIGNALS, bench.advance(1)[0, 1:], strict=True)))
     ).state is not State.RUN:
         assert now.state is state or pressed
         for command in set(bench.commands) - {Command.STOP}:
-            if refusal(command, now):
+            if refusal_reason(command, now):
                 with refused("wrong-state"):
                     bench.command(command)
-        name = next_step(bench.commands, now).removeprefix("press ").split(",")[0]
+        name = describe_next_step(bench.commands, now).removeprefix("press ").split(",")[0]
         pressed.append(name)
         bench.command(Command[name.upper()])
     assert pressed == {State.READY: ["run"], State.RUN: [], State.FAULT: ["clear", "run"]}[state]

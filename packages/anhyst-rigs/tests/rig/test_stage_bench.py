@@ -12,10 +12,10 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, State
 from anhyst_rigs.rig.bench import stage
 from anhyst_rigs.rig.bench.stage import StageBench
-from anhyst_rigs.rig.parts.magnet import circuit_numbers
+from anhyst_rigs.rig.parts.magnet import circuit_parameters
 from anhyst_rigs.rig.recording import Loss
 from anhyst_rigs.rig.stage.fitted import make_stage
-from anhyst_rigs.rig.stage.geometry import pull_rows
+from anhyst_rigs.rig.stage.geometry import magnet_rows
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
 from tests.refusals import refused
 from tests.study import bearings, stages
@@ -27,7 +27,7 @@ SUBSTEPS = 4
 def setups(dac_bits: int | None = None) -> tuple[StageSetup, StageSetup]:
     off, on = (stages.setup(method, SUBSTEPS) for method in ("single-valued", "full"))
     if dac_bits is not None:
-        settings = on.rig.settings.changed({"amplifier.dac_bits": dac_bits})
+        settings = on.rig.settings.with_changes({"amplifier.dac_bits": dac_bits})
         off, on = (replace(one, rig=replace(one.rig, settings=settings)) for one in (off, on))
     return off, on
 
@@ -44,7 +44,7 @@ def column(bench: StageBench, rows: FloatArray, name: str) -> FloatArray:
 
 def lap(bench: StageBench) -> int:
     """Return the ticks of a set-point that has begun."""
-    return bench.laps[-1].ticks
+    return bench.cycles[-1].tick_count
 
 
 def going(bench: StageBench, laps: int = 1) -> FloatArray:
@@ -59,7 +59,7 @@ def test_the_first_lap_is_what_a_simulation_of_it_gives() -> None:
     bench = StageBench(setups(24))
     rows = going(bench)
     setup = bench.setups[1]
-    run = track(setup, bench.laps[0].motion, Feedforward(), seed=0)
+    run = track(setup, bench.cycles[0].motion, Feedforward(), seed=0)
     for name in ("error_m", "demand_N", "command_A", "gap_read_m"):
         seen = column(bench, rows, name.rpartition("_")[0])
         assert np.allclose(seen, run[name], rtol=1e-6, atol=1e-4 * np.ptp(run[name])), name
@@ -189,7 +189,7 @@ def test_a_drawn_plant_is_another_one_and_its_iron_is_demagnetised(bench: StageB
     assert error[:20].max() < 1e-7  # it is switched on where it is wanted
     wrong = error.max()
     assert wrong > 2.0 * np.abs(column(bench, rows, "error")).max()
-    assert bench.laps[-1].known == applied
+    assert bench.cycles[-1].history_start == applied
 
 
 @pytest.fixture
@@ -213,10 +213,10 @@ def test_the_pulls_of_all_magnets_make_the_wrench_and_their_gaps_the_pose(axes: 
     wrench = np.column_stack([read[f"wrench_{axis}"] for axis in free])
     assert np.ptp(wrench[:, 0]) > 50.0
     # the lines of pull turn with the body, by tilts of less than 1e-5
-    assert np.allclose(all_of("pull") @ pull_rows(file), wrench, atol=2e-3)
+    assert np.allclose(all_of("pull") @ magnet_rows(file), wrench, atol=2e-3)
     opened = all_of("gap") - [one["gap"] for one in axes.body["magnets"]]
     pose = -opened @ np.transpose(axes.body["see"])
-    assert np.allclose(-pose @ pull_rows(file).T, opened, atol=1e-11)
+    assert np.allclose(-pose @ magnet_rows(file).T, opened, atol=1e-11)
     # they ride on the long stroke: along the set-point it strays, the others are errors alone
     assert np.allclose(pose[:, 1], -read["error_y"], atol=1e-11)
 
@@ -225,10 +225,10 @@ def test_a_pull_is_told_from_the_flux_density_as_the_plant_makes_it() -> None:
     file = stages.stage().settings
     poles, steel = file.magnet.poles, file.steel
     for one in (poles, replace(poles, outer=poles.reluctance(0.5e-3), bias=2e5, spring=300.0)):
-        coil = Coil(Magnet(circuit_numbers(one, 0.0, 0.5e-3), steel.plant()))
+        coil = Coil(Magnet(circuit_parameters(one, 0.0, 0.5e-3), steel.make_steel()))
         for current, gap in ((2.0, 0.45e-3), (0.5, 0.55e-3)):
             coil.hold(current, gap)
-            told = one.pull(np.array(coil.density), np.array(gap), 0.5e-3)
+            told = one.pull_force(np.array(coil.density), np.array(gap), 0.5e-3)
             assert told == pytest.approx(coil.force, rel=1e-9)
 
 
@@ -237,7 +237,7 @@ def test_the_first_lap_of_several_coordinates_is_what_a_simulation_of_it_gives(
     axes: StageBench,
 ) -> None:
     rows = going(axes)
-    run = track(axes.setups[1], axes.laps[0].motion, Feedforward())
+    run = track(axes.setups[1], axes.cycles[0].motion, Feedforward())
     for name in ("error_m", "demand_N", "error_z_m", "error_ry_rad", "gap_5_m", "command_A"):
         seen = column(axes, rows, name.rpartition("_")[0])
         assert np.allclose(seen, run[name], rtol=1e-6, atol=1e-3 * np.ptp(run[name])), name
@@ -253,7 +253,7 @@ def test_another_law_goes_on_with_the_weight_where_the_one_before_held_it(
     due = axes.apply({"compensation": 0.0, "crossover": 100.0})
     rows = axes.advance(1000)
     assert due == rows[0, 0]
-    assert axes.laps[-1].method == "full"
+    assert axes.cycles[-1].method == "full"
     away = np.abs(column(axes, rows, "error_z"))
     assert away.max() < 1e-5
     assert away[-1] < 1e-7
@@ -277,7 +277,7 @@ def test_a_body_that_is_at_rest_stays_there_and_is_braked_from_any_speed(axes: S
 def test_a_body_of_several_coordinates_that_is_lost_lies_without_current_until_cleared(
     axes: StageBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stage, "stage_loss", lambda *_: Loss(30, "an end stop was reached"))
+    monkeypatch.setattr(stage, "find_stage_loss", lambda *_: Loss(30, "an end stop was reached"))
     rows = axes.advance(200)
     assert len(rows) == 200
     assert set(column(axes, rows, "state")[31:]) == {float(State.FAULT)}

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst_rigs.rig.calibration import of_stage
+from anhyst_rigs.rig.calibration import stage_parameter_names
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, track
-from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.rig.stage.setpoint import scan_motion
 from anhyst_rigs.study.tracking.calibrate import calibrate
 from anhyst_rigs.study.tracking.excitation import find_move
 from tests.refusals import refused
@@ -45,13 +45,13 @@ def rig_file(folder: Path, changes: dict[str, str]) -> Path:
 
 def test_the_bundled_file_says_nothing_of_lines_and_means_x() -> None:
     rig = read_stage(stages.EXAMPLE / "rig.toml")
-    lines = rig.lines
+    lines = rig.lines_of_action
     (x,) = lines.coordinates
     assert x.axis == 0
     assert (x.low, x.high) == pytest.approx((-1e-4, 1e-4))
     assert [line["d"] for line, _ in lines.magnets] == [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
     assert [line["d"] for line, _ in lines.heads] == [[1.0, 0.0, 0.0]]
-    assert rig.numbers == of_stage(2)
+    assert rig.parameter_names == stage_parameter_names(2)
 
 
 def test_a_stage_that_carries_its_weight_asks_for_it_and_holds_its_place(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ def test_a_stage_that_carries_its_weight_asks_for_it_and_holds_its_place(tmp_pat
     scan = rig.settings.scan
     run = track(
         make_stage(rig, bearings.knowledge(), "full"),
-        motion_of(scan, scan.test_m_per_s2),
+        scan_motion(scan, scan.test_m_per_s2),
         Feedforward(),
         1,
     )

@@ -22,12 +22,12 @@ from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.case_table import LoadCase
-from anhyst_rigs.rig.drift import Drift, changed, drifted_file, with_iron
+from anhyst_rigs.rig.drift import Drift, change_iron, change_rig, drifted_file
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
-from anhyst_rigs.rig.magnet_table import OPENS, LikeTable
+from anhyst_rigs.rig.magnet_table import OPENS_GAP, LikeTable
 from anhyst_rigs.rig.measuring import measure_loops
-from anhyst_rigs.rig.recording import HOVER, Recording
+from anhyst_rigs.rig.recording import HOVER_CODE, Recording
 from anhyst_rigs.rig.sensor_table import FluxSensorTable, GapSensorTable
 from anhyst_rigs.study.bearing.on_board import build_firmware
 from tests.once import made_once
@@ -55,7 +55,7 @@ def controller() -> ControllerFile:
 def knowledge(fraction: float = 0.15) -> IdentifiedMagnet:
     """Loops and model of the example with another reversible fraction."""
     model = truth({0.15: "bearing", 0.3: "bearing-reversible"}[fraction])
-    return IdentifiedMagnet(measure_loops(with_iron(example(), fraction)), model)
+    return IdentifiedMagnet(measure_loops(change_iron(example(), fraction)), model)
 
 
 @cache
@@ -63,7 +63,7 @@ def single(
     variant: MethodName = "full", number_format: NumberFormat = "fixed", fraction: float = 0.15
 ) -> BearingSetup:
     """One magnet against the load."""
-    rig = with_iron(example(), fraction)
+    rig = change_iron(example(), fraction)
     return make_setup(rig, controller().settings, knowledge(fraction), variant, number_format)
 
 
@@ -90,9 +90,9 @@ def firmware(factory: pytest.TempPathFactory, board: str = "library") -> Path:
 
 @cache
 def pair_rig() -> BodyRig:
-    rig = changed(example(), {"control.bias_N": 75.0, "load.force_N": 0.0})
+    rig = change_rig(example(), {"control.bias_N": 75.0, "load.force_N": 0.0})
     file = rig.settings
-    second = LikeTable(name="opposite", like="magnet", direction=OPENS, gap_m=TOTAL - GAP)
+    second = LikeTable(name="opposite", like="magnet", direction=OPENS_GAP, gap_m=TOTAL - GAP)
     cases = [case for case in file.cases if not isinstance(case, LoadCase)]
     update = {"magnets": [*file.magnets, second], "cases": cases}
     return replace(rig, settings=file.model_copy(update=update))
@@ -147,7 +147,7 @@ def pair(variant: MethodName = "full", number_format: NumberFormat = "fixed") ->
 
 def with_rig(setup: BearingSetup, changes: dict[str, Any]) -> BearingSetup:
     """The same controller before another plant."""
-    return BearingSetup(changed(setup.rig, changes), setup.compensator, setup.controller)
+    return BearingSetup(change_rig(setup.rig, changes), setup.compensator, setup.controller)
 
 
 def sensor(kind: str, **given: float) -> GapSensorTable:
@@ -173,7 +173,7 @@ def run_plant(setup: BearingSetup, script: ScenarioBuilder, seed: int = 0) -> Re
 
 def hovers_from(recording: Recording) -> int | None:
     """Return the first tick at which the reference was reached, or None."""
-    hovering = recording["state"] == HOVER
+    hovering = recording["state"] == HOVER_CODE
     return int(np.argmax(hovering)) if hovering.any() else None
 
 

@@ -17,7 +17,7 @@ from anhyst.support.units import QUANTITIES
 from anhyst_rigs.rig.body import read_bearing
 from anhyst_rigs.rig.force.file import read_rig
 from anhyst_rigs.rig.measurement_table import MeasurementTable
-from anhyst_rigs.rig.measuring import HeldBearing, HeldRig, measure_place, straight
+from anhyst_rigs.rig.measuring import HeldBearing, HeldRig, measure_at_gap, sweep_path
 from tests.rig.test_iron_families import EXAMPLES, keys_of, with_keys
 
 UNSEEN = {"bearing": (0.38e-3, 0.45e-3, 0.52e-3), "solenoid": (1.07e-3, 1.25e-3, 1.8e-3, 2.6e-3)}
@@ -56,7 +56,7 @@ class MeasuredRig:
         magnet = self.held.magnet()
         places = range(len(self.campaign.gaps_m))
         loops = [
-            loop for one in places for loop in measure_place(self.held, self.campaign, one, magnet)
+            loop for one in places for loop in measure_at_gap(self.held, self.campaign, one, magnet)
         ]
         names = QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"]
         return Loops(tuple(loops), *names)
@@ -69,7 +69,7 @@ class MeasuredRig:
         largest, magnet = self.campaign.current_max_A, self.held.magnet()
         for turn in self.past:
             magnet.hold(turn, gap)
-        current = straight([largest * turn for turn in turns], largest / 80.0)
+        current = sweep_path([largest * turn for turn in turns], largest / 80.0)
         return current, magnet.run(current, np.full(current.size, gap))[:, 0].copy()
 
     def errors(self, model: Model, turns: tuple[float, ...]) -> float:

@@ -9,7 +9,7 @@ from anhyst.compensate.force_controller import ForceController
 from anhyst_rigs.rig.bench.piezo import PiezoBench
 from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst_rigs.study.piezo import find_inverses
-from anhyst_rigs.study.prepared import PreparedPiezo
+from anhyst_rigs.study.prepared_benches import PreparedPiezo
 from tests.repository import ROOT
 
 EXAMPLE = ROOT / "examples" / "piezo"

@@ -6,10 +6,10 @@ from functools import cache
 
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.study.tuning.bearing import BearingLoop
-from anhyst_rigs.study.tuning.trial import Condition
+from anhyst_rigs.study.tuning.trial import BearingCondition
 from tests.study import bearings
 
-HERE = (Condition(0.45e-3, 150.0), Condition(0.45e-3, 100.0))
+HERE = (BearingCondition(0.45e-3, 150.0), BearingCondition(0.45e-3, 100.0))
 
 LESS = {
     "step.also_gaps_m": [],
@@ -24,6 +24,6 @@ def setup() -> BearingSetup:
     return bearings.with_rig(bearings.single("linearised", "fixed"), LESS)
 
 
-def loop(conditions: tuple[Condition, ...] = HERE) -> BearingLoop:
+def loop(conditions: tuple[BearingCondition, ...] = HERE) -> BearingLoop:
     """Return it as what is tuned."""
     return BearingLoop(setup(), conditions)

@@ -13,7 +13,7 @@ from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
-from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
+from anhyst_rigs.rig.stage.setpoint import SetPoint, scan_motion
 from anhyst_rigs.rig.tables import FrameTable
 from anhyst_rigs.study.tracking.simulate import TrackingStudy, explore_stage
 from tests.repository import ROOT
@@ -48,7 +48,7 @@ def stage(substeps: int = 8, stray_m: float | None = None, **control: Any) -> Bo
     }
     if stray_m is not None:
         update["frame"] = FrameTable(stray_m=stray_m)
-    short = file.replaced(file.scan, file.scan.model_copy(update=SHORT))
+    short = file.with_table_replaced(file.scan, file.scan.model_copy(update=SHORT))
     return replace(rig, settings=short.model_copy(update=update))
 
 
@@ -58,7 +58,7 @@ def setup(method: MethodName, substeps: int = 8, **changes: Any) -> StageSetup:
 
 def unseen(rig: BodyRig) -> SetPoint:
     """SetPoint on which nothing was tuned."""
-    return motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
+    return scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2)
 
 
 @cache
@@ -70,7 +70,7 @@ def study() -> TrackingStudy:
 def training() -> SetPoint:
     """SetPoint that is learnt on."""
     scan = stage().settings.scan
-    return motion_of(scan, scan.train_m_per_s2)
+    return scan_motion(scan, scan.train_m_per_s2)
 
 
 @cache

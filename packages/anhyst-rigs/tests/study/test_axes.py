@@ -15,15 +15,21 @@ from anhyst.support.kinds import MethodName
 from anhyst_rigs.reports.tracking import render
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
-from anhyst_rigs.rig.recording import Recording, column
+from anhyst_rigs.rig.recording import Recording, column_name
 from anhyst_rigs.rig.stage import loop
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.rig.stage.geometry import scan_direction
-from anhyst_rigs.rig.stage.loop import Feedforward, axes_rows, fed_wrench, feed, track
-from anhyst_rigs.rig.stage.recording import of_axes, pose_columns, recorded
-from anhyst_rigs.rig.stage.setpoint import instants, motion_of, ticks_of
-from anhyst_rigs.study.tracking.measures import cross_talk, measure, still_axes
+from anhyst_rigs.rig.stage.loop import (
+    Feedforward,
+    controller_matrices,
+    feedforward_force,
+    feedforward_wrench,
+    track,
+)
+from anhyst_rigs.rig.stage.recording import axis_columns, pose_columns, recording_columns
+from anhyst_rigs.rig.stage.setpoint import motion_ticks, scan_motion, tick_times
+from anhyst_rigs.study.tracking.measures import cross_talk, measure, stationary_axes
 from anhyst_rigs.study.tracking.simulate import explore_stage
 from tests.repository import ROOT
 from tests.study import bearings, stages
@@ -39,7 +45,7 @@ def planar() -> BodyRig:
     changes = {"irons": list(stages.stage().settings.irons), "cases": [rig.settings.scan]}
     changed = rig.settings.model_copy(update=changes)
     looked_for = {"control.lost_A": None, "control.head_m_per_s": None}
-    return replace(rig, settings=changed.changed(looked_for))
+    return replace(rig, settings=changed.with_changes(looked_for))
 
 
 @cache
@@ -49,20 +55,22 @@ def followed(method: MethodName, substeps: int = 4) -> Recording:
     other = replace(rig, settings=rig.settings.model_copy(update={"timing": timing}))
     setup = make_stage(other, bearings.knowledge(), method)
     scan = rig.settings.scan
-    return track(setup, motion_of(scan, scan.test_m_per_s2), Feedforward())
+    return track(setup, scan_motion(scan, scan.test_m_per_s2), Feedforward())
 
 
 @pytest.mark.slow
 def test_compensating_every_magnet_keeps_all_axes_closer() -> None:
     scan = planar().settings.scan
-    motion = motion_of(scan, scan.test_m_per_s2)
+    motion = scan_motion(scan, scan.test_m_per_s2)
     plain, own = followed("single-valued"), followed("full")
-    assert not plain.lost
-    assert not own.lost
+    assert not plain.loss_text
+    assert not own.loss_text
     assert (
         measure(own, motion, scan.slit_s).peak_m < 0.4 * measure(plain, motion, scan.slit_s).peak_m
     )
-    crossed, less = (cross_talk(run, motion, still_axes(planar().settings)) for run in (plain, own))
+    crossed, less = (
+        cross_talk(run, motion, stationary_axes(planar().settings)) for run in (plain, own)
+    )
     assert set(crossed) == {"y_m", "z_m", "rx_rad", "ry_rad", "rz_rad"}
     for axis in ("z_m", "ry_rad"):
         assert less[axis] < 0.7 * crossed[axis]
@@ -77,23 +85,23 @@ def test_twice_the_sub_steps_change_little_once_the_body_is_lifted() -> None:
 
 def test_single_precision_leads_the_body_the_same_way_within_a_nanometre() -> None:
     rig, scan = planar(), planar().settings.scan
-    motion = motion_of(scan, scan.test_m_per_s2[:1])
+    motion = scan_motion(scan, scan.test_m_per_s2[:1])
     wide, narrow = (
         track(
             replace(
                 make_stage(
-                    replace(rig, settings=rig.settings.changed({"control.format": law})),
+                    replace(rig, settings=rig.settings.with_changes({"control.format": law})),
                     bearings.knowledge(),
                     "full",
                 ),
-                law=law,
+                number_format=law,
             ),
             motion,
             Feedforward(),
         )
         for law in ("f64", "f32")
     )
-    assert not narrow.lost
+    assert not narrow.loss_text
     for name, most in (("error_m", 1e-9), ("error_z_m", 1e-9), ("error_rz_rad", 5e-9)):
         assert np.abs(wide[name] - narrow[name]).max() < most
 
@@ -103,7 +111,7 @@ def on_the_ground(rig: BodyRig, **beam: float) -> BodyRig:
     file = rig.settings
     for one in file.position_sensors:
         changes = {"stands": True, "noise_m": 0.0, **beam}
-        file = file.replaced(one, one.model_copy(update=changes))
+        file = file.with_table_replaced(one, one.model_copy(update=changes))
     return replace(rig, settings=file)
 
 
@@ -111,34 +119,34 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
     rig = on_the_ground(planar())
     file, scan = rig.settings, rig.settings.scan
     setup = make_stage(rig, bearings.knowledge(), "single-valued")
-    motion = motion_of(scan, scan.test_m_per_s2[:1])
-    n, along = ticks_of(rig, motion), scan_direction(file)
-    reference = np.outer(motion.at(instants(rig, n + 1))[0], along)
-    wrench = fed_wrench(rig, feed(setup, motion, Feedforward()))
+    motion = scan_motion(scan, scan.test_m_per_s2[:1])
+    n, along = motion_ticks(rig, motion), scan_direction(file)
+    reference = np.outer(motion.derivatives_at(tick_times(rig, n + 1))[0], along)
+    wrench = feedforward_wrench(rig, feedforward_force(setup, motion, Feedforward()))
     scenario = Scenario(reference[:n], feed=wrench, frame=reference)
     flown = SimulatedLoop(setup).run(scenario)
-    pose = np.column_stack([flown[name] for name in of_axes("pose", file.body.free)])
+    pose = np.column_stack([flown[name] for name in axis_columns("pose", file.body.free)])
     pose += reference[:n]
     turned = Rotation.from_rotvec(pose[:, 3:])
     assert np.ptp(pose[:, 0]) > 0.02
     assert np.abs(pose[:, 4]).max() > 3e-6
-    for number, one in enumerate(file.position_sensors, len(file.placed) + 1):
+    for number, one in enumerate(file.position_sensors, len(file.body_magnets) + 1):
         # along its beam to a mirror that is turned with the body
         assert one.position_m is not None
         normal = turned.apply(one.direction)
         way = np.sum((pose[:, :3] + turned.apply(one.position_m) - one.position_m) * normal, axis=1)
-        read = flown[column("gap_read", "m", number)]
+        read = flown[column_name("gap_read", "m", number)]
         assert read == pytest.approx(way / (normal @ one.direction), abs=2e-11)
-    seen = recorded(rig, flown, scenario)
+    seen = recording_columns(rig, flown, scenario)
     read = np.column_stack([seen[name] for name in pose_columns(file.body.free)])
     assert read == pytest.approx(pose, abs=1e-10)
     # z is held as if they rode along; a controller that does not know takes a turn for height
     riding, knows = (
         track(one, motion, Feedforward()) for one in (replace(setup, rig=planar()), setup)
     )
-    unaware = axes_rows(setup) | {"ground": np.zeros(0)}
+    unaware = controller_matrices(setup) | {"ground": np.zeros(0)}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(loop, "axes_rows", lambda _: unaware)
+        patch.setattr(loop, "controller_matrices", lambda _: unaware)
         takes = track(setup, motion, Feedforward())
     apart, same = (np.abs(one["error_z_m"] - knows["error_z_m"]).max() for one in (takes, riding))
     turn = np.abs(knows["error_ry_rad"] * knows["reference_m"]).max()
@@ -147,7 +155,7 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
 
 def test_air_that_changed_lengthens_a_beam_with_its_dead_path() -> None:
     rig = on_the_ground(planar(), dead_path_m=0.3, refraction_ppm=0.1)
-    motion = motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2[:1])
+    motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2[:1])
     setup = make_stage(rig, bearings.knowledge(), "full")
     run = track(setup, motion, Feedforward())
     late = slice(len(run) // 2, None)
@@ -240,13 +248,13 @@ def test_a_new_body_is_a_file(tmp_path: Path) -> None:
     rig = read_stage(three_magnets(tmp_path))
     study = explore_stage(rig, bearings.knowledge(), ("single-valued", "full"))
     assert study.lost_in == []
-    plain, own = study.tried["single-valued"], study.tried["full"]
-    assert own.of("peak_m").mean < 0.5 * plain.of("peak_m").mean
-    shown = own.shown
+    plain, own = study.variants["single-valued"], study.variants["full"]
+    assert own.interval("peak_m").mean < 0.5 * plain.interval("peak_m").mean
+    shown = own.recording
     assert {"error_x_m", "error_y_m", "current_3_A"} <= set(shown.columns)
-    assert own.of("x_m").mean < 1e-6
+    assert own.interval("x_m").mean < 1e-6
     variants = study.as_dict()["variants"]
-    assert variants["full"]["cross_talk"]["x_m"]["mean"] == own.of("x_m").mean
+    assert variants["full"]["cross_talk"]["x_m"]["mean"] == own.interval("x_m").mean
     at_rest = variants["full"]["standstill_rms"]
     assert set(at_rest) == {"x_m", "y_m"}
     assert all(0.1e-10 < one < 2e-9 for one in at_rest.values())

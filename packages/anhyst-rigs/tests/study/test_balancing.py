@@ -12,17 +12,17 @@ import pytest
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.calibration import CENTRE
-from anhyst_rigs.rig.drift import Drift, changed, draw_plant
+from anhyst_rigs.rig.calibration import CENTRE_PARAMETERS
+from anhyst_rigs.rig.drift import Drift, change_rig, sample_plant
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
-from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.rig.stage.setpoint import scan_motion
 from anhyst_rigs.study.engine.monte_carlo import monte_carlo
-from anhyst_rigs.study.plants import ERRORS, errors_of, stage_plants
+from anhyst_rigs.study.plants import ERROR_CASES, stage_plants, varied_errors
 from anhyst_rigs.study.tracking.bodies import StageLaw
 from anhyst_rigs.study.tracking.calibrate import calibrate
-from anhyst_rigs.study.tracking.learner import Learner, fit
+from anhyst_rigs.study.tracking.estimator import ParameterEstimator, calibrate_from_motions
 from anhyst_rigs.study.tracking.measures import cross_talk, measure
 from tests.refusals import refused
 from tests.study import bearings, stages
@@ -33,18 +33,18 @@ def short(pinning_percent: float = 0.0) -> BodyRig:
     """Return the example with short set-points; what widths must be learnt, is compiled anew."""
     scan = {f"scan.{key}": value for key, value in stages.SHORT.items()}
     spread = {"spread.pinning_percent": pinning_percent}
-    return changed(planar(), {**scan, **spread, "noise_seeds": 2})
+    return change_rig(planar(), {**scan, **spread, "noise_seeds": 2})
 
 
 @cache
 def plant(number: int = 1) -> Drift:
-    return draw_plant(short().settings, 29, number)[0]
+    return sample_plant(short().settings, 29, number)[0]
 
 
 @cache
 def recorded(method: MethodName = "full") -> Recording:
     scan = short().settings.scan
-    motion = motion_of(scan, scan.train_m_per_s2)
+    motion = scan_motion(scan, scan.train_m_per_s2)
     setup = make_stage(short(), bearings.knowledge(), method)
     return track(replace(setup, drift=plant()), motion, Feedforward(), 1)
 
@@ -56,21 +56,21 @@ def left(setup: StageSetup, way: str = "x") -> tuple[float, float]:
     """
     scan = short().settings.scan
     peaks = [one / (1 + (way == "y")) for one in scan.test_m_per_s2]
-    there = changed(short(), {"scan.direction": [float(axis == way) for axis in "xyz"]})
-    motion = motion_of(scan, peaks)
+    there = change_rig(short(), {"scan.direction": [float(axis == way) for axis in "xyz"]})
+    motion = scan_motion(scan, peaks)
     run = track(replace(setup, rig=there, drift=plant()), motion, Feedforward(), 2)
     return measure(run, motion, scan.slit_s).average_m, cross_talk(run, motion, ["rz"])["rz_rad"]
 
 
-def taught(method: MethodName, run: Recording) -> Learner:
-    learner = Learner(StageLaw(short(), bearings.knowledge(), method))
-    learner.learn(learner.law.motion(run.columns))
+def taught(method: MethodName, run: Recording) -> ParameterEstimator:
+    learner = ParameterEstimator(StageLaw(short(), bearings.knowledge(), method))
+    learner.update(learner.law.make_motion(run.columns))
     return learner
 
 
-def stage_of(learner: Learner) -> StageSetup:
+def stage_of(learner: ParameterEstimator) -> StageSetup:
     assert isinstance(learner.law, StageLaw)
-    return learner.law.stage(learner.found)
+    return learner.law.corrected_stage(learner.calibration)
 
 
 def test_one_recording_balances_ten_magnets_and_their_body() -> None:
@@ -79,8 +79,8 @@ def test_one_recording_balances_ten_magnets_and_their_body() -> None:
     after, less = left(stage_of(learner))
     assert after < 0.2 * average
     assert less < 0.4 * about
-    assert learner.found.fits
-    assert learner.found.value("centre_z_m") == pytest.approx(plant().place_z, abs=0.2e-3)
+    assert learner.calibration.fits
+    assert learner.calibration.value("centre_z_m") == pytest.approx(plant().place_z, abs=0.2e-3)
 
 
 def test_flux_probes_are_balanced_the_same_way() -> None:
@@ -93,19 +93,19 @@ def test_flux_probes_are_balanced_the_same_way() -> None:
 
 def test_what_a_motion_keeps_of_a_law_is_never_that_of_another() -> None:
     law = StageLaw(short(), bearings.knowledge(), "single-valued")
-    motion, zero = law.motion(recorded().columns), dict.fromkeys(law.names, 0.0)
-    law.net(motion, zero)
+    motion, zero = law.make_motion(recorded().columns), dict.fromkeys(law.names, 0.0)
+    law.net_force(motion, zero)
     place = id(law)
     del law
     laws = [StageLaw(short(), bearings.knowledge(), "play")]
     while id(laws[-1]) != place and len(laws) < 100:  # until one stands where the first one stood
         laws.append(StageLaw(short(), bearings.knowledge(), "play"))
-    expected = laws[-1].net(laws[-1].motion(recorded().columns), zero)
-    assert (laws[-1].net(motion, zero) == expected).all()
+    expected = laws[-1].net_force(laws[-1].make_motion(recorded().columns), zero)
+    assert (laws[-1].net_force(motion, zero) == expected).all()
 
 
 def test_what_no_motion_showed_stays_and_is_said() -> None:
-    found = {one.name: one for one in taught("full", recorded()).found.parameter}
+    found = {one.name: one for one in taught("full", recorded()).calibration.parameter}
     unseen = found["gap_zero_5_m"]  # of the pair along y, which rests
     assert (unseen.value, unseen.sigma, unseen.frozen) == (0.0, unseen.prior, True)
     assert not found["scale_1"].frozen
@@ -116,19 +116,19 @@ def test_magnets_that_hardly_pull_learn_nothing_from_the_sum_of_all_scales() -> 
     """It is held, since a payload tells the same: y1 and y2 pull 5 N along x, the others up to 120."""
     learner = taught("full", recorded())
     for _ in range(6):
-        assert learner.learn(learner.law.motion(recorded().columns))
+        assert learner.update(learner.law.make_motion(recorded().columns))
     hidden = {"scale_5", "scale_6"}
-    assert not hidden & {*learner.seen}
-    assert all(learner.values[name] == 0.0 for name in hidden)
-    assert {f"scale_{number}" for number in range(1, 11)} - hidden <= {*learner.seen}
+    assert not hidden & {*learner.identified}
+    assert all(learner.estimate[name] == 0.0 for name in hidden)
+    assert {f"scale_{number}" for number in range(1, 11)} - hidden <= {*learner.identified}
 
 
 def test_a_body_that_is_as_the_file_says_is_left_alone_whatever_the_dead_time() -> None:
-    rig = changed(short(), {"timing.delay_ticks": 2.0})
+    rig = change_rig(short(), {"timing.delay_ticks": 2.0})
     setup, scan = make_stage(rig, bearings.knowledge(), "full"), rig.settings.scan
-    run = track(setup, motion_of(scan, scan.train_m_per_s2), Feedforward(), 1)
+    run = track(setup, scan_motion(scan, scan.train_m_per_s2), Feedforward(), 1)
     law = StageLaw(rig, bearings.knowledge(), "full")
-    found = fit(law, [law.motion(run.columns)])
+    found = calibrate_from_motions(law, [law.make_motion(run.columns)])
     assert found.fits
     assert found.residual_N < 0.0015 * found.force_N
     for one in found.parameter:
@@ -138,11 +138,11 @@ def test_a_body_that_is_as_the_file_says_is_left_alone_whatever_the_dead_time() 
 
 def test_a_gap_that_is_stuck_teaches_nothing() -> None:
     learner, run = taught("full", recorded()), recorded()
-    before = dict(learner.values)
+    before = dict(learner.estimate)
     for column, off in (("gap_read_2_m", 30e-6), ("command_3_A", 0.2)):
         wrong = {column: run[column] + off * (np.arange(len(run)) > len(run) // 2)}
-        assert not learner.learn(learner.law.motion({**run.columns, **wrong}))
-    assert learner.values == before
+        assert not learner.update(learner.law.make_motion({**run.columns, **wrong}))
+    assert learner.estimate == before
 
 
 def test_the_verb_writes_a_file_that_the_rig_file_names(tmp_path: Path) -> None:
@@ -152,23 +152,23 @@ def test_the_verb_writes_a_file_that_the_rig_file_names(tmp_path: Path) -> None:
     rig = replace(short(), path=tmp_path / "rig.toml")
     out = tmp_path / "calibration.toml"
     found = calibrate(rig, tmp_path / "run.csv", out, magnet=bearings.knowledge(), methods=["flux"])
-    assert found.learnt
-    named = changed(rig, {"control.calibration": "calibration.toml"})
-    learnt = named.learnt("flux")
+    assert found.has_estimates
+    named = change_rig(rig, {"control.calibration": "calibration.toml"})
+    learnt = named.method_calibration("flux")
     assert learnt is not None
     setup = make_stage(named, bearings.knowledge(), "flux")
-    assert setup.correction is not None
-    assert setup.correction[9, 2] == 1.0 + learnt.value("scale_10") != 1.0
+    assert setup.correction_rows is not None
+    assert setup.correction_rows[9, 2] == 1.0 + learnt.value("scale_10") != 1.0
     text = out.read_text()
     for wrong in ("skale_1", "scale_99", "scale_01", "scale", "width", "wi_3dth"):
         out.write_text(text.replace('"scale_1"', f'"{wrong}"'))
         with pytest.raises(InputError, match=wrong) as caught:
-            replace(named, settings=named.settings.model_copy()).learnt("flux")
+            replace(named, settings=named.settings.model_copy()).method_calibration("flux")
         assert caught.value.code == "unknown-name"
     fewer = [line for line in text.splitlines() if '"scale_10"' not in line]
     out.write_text("\n".join(fewer))
     with refused("unknown-name scale_10: calibration.toml"):  # of nine magnets
-        replace(named, settings=named.settings.model_copy()).learnt("flux")
+        replace(named, settings=named.settings.model_copy()).method_calibration("flux")
 
 
 def test_a_recording_without_what_was_read_is_refused() -> None:
@@ -195,12 +195,12 @@ def test_every_magnet_and_head_is_drawn_by_itself() -> None:
     drift = plant()
     assert len({one.first_scale for one in drift.magnets}) == 10
     assert len({one.place_x for one in drift.heads}) == 6
-    alone = drift.alone(ERRORS["centre of mass"])
+    alone = drift.select(ERROR_CASES["centre of mass"])
     assert not any(one.as_dict() for one in alone.magnets)
     assert (alone.place_x, alone.mass, alone.heads) == (drift.place_x, 0.0, ())
     assert drift.as_dict()["magnet_3_gap_offset_m"] == drift.magnets[2].gap_offset
-    assert drift.alone(ERRORS["all"]) == drift
-    assert len(CENTRE) == 3
+    assert drift.select(ERROR_CASES["all"]) == drift
+    assert len(CENTRE_PARAMETERS) == 3
 
 
 @pytest.mark.slow
@@ -208,7 +208,7 @@ def test_plants_of_several_coordinates_are_flown_with_each_error_alone(tmp_path:
     plants = stage_plants(short(5.0), bearings.knowledge(), ("full",))
     found = monte_carlo(plants, tmp_path / "p.jsonl", 2, jobs=2)
     rows = found.as_dict()["variants"]["full"]
-    errors = errors_of(short(5.0).settings)
+    errors = varied_errors(short(5.0).settings)
     assert [row["error"] for row in rows["average_m"]] == [*errors]
     assert "head positions" in errors
     by_error = dict(zip(errors, rows["rz_rad"], strict=True))

@@ -16,17 +16,22 @@ from anhyst.support.numeric import rms
 from anhyst.support.states import Command
 from anhyst_rigs import Calibration, calibrate
 from anhyst_rigs.dashboard.recording import start_recording
-from anhyst_rigs.rig.bearing.loop import BearingSetup, compiled_model, fit_magnets, make_setup
-from anhyst_rigs.rig.bearing.scenario import parts_of_run
+from anhyst_rigs.rig.bearing.loop import (
+    BearingSetup,
+    fit_bearing_compensators,
+    make_setup,
+    model_to_compile,
+)
+from anhyst_rigs.rig.bearing.scenario import plan_recorded_run
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CalibratedMethod, CalibrationFile
-from anhyst_rigs.rig.drift import NO_DRIFT, Drift, changed, drifted_plant, with_iron
-from anhyst_rigs.rig.fitting import calibrated
+from anhyst_rigs.rig.drift import NO_DRIFT, Drift, change_iron, change_rig, drifted_plant
+from anhyst_rigs.rig.fitting import calibrate_magnet
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.study.bearing.experiments import following
-from anhyst_rigs.study.bearing.ready import make_ready, read_files
+from anhyst_rigs.study.bearing.experiments import plan_trajectory
+from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 from anhyst_rigs.study.plants import run_bearing
 from anhyst_rigs.study.tracking.bodies import BearingLaw
 from tests.study import bearings
@@ -38,7 +43,7 @@ UNSURE = {"spread.gap_zero_m": 5e-6}
 
 
 def rig(two: bool = False) -> BodyRig:
-    return changed(bearings.pair_rig() if two else bearings.example(), UNSURE)
+    return change_rig(bearings.pair_rig() if two else bearings.example(), UNSURE)
 
 
 def setup(two: bool = False) -> BearingSetup:
@@ -53,7 +58,7 @@ def flown(of: BearingSetup, scenario: Scenario, drift: Drift = WRONG) -> Recordi
 def recorded(two: bool = False) -> Recording:
     """Lift-off and the steps of the example, with a plant that has drifted."""
     mine = setup(two)
-    return flown(mine, parts_of_run(mine.rig, mine.controller)[0])
+    return flown(mine, plan_recorded_run(mine.rig, mine.controller)[0])
 
 
 def taught(run: Recording | Path, two: bool = False, out: Path | None = None) -> Calibration:
@@ -71,8 +76,8 @@ def learnt(two: bool = False) -> CalibratedMethod:
 
 def corrected(folder: Path, two: bool = False) -> BodyRig:
     """The rig, which names what was learnt."""
-    assert taught(recorded(two), two, folder / "calibration.toml").learnt
-    named = changed(rig(two), {"control.calibration": "calibration.toml"})
+    assert taught(recorded(two), two, folder / "calibration.toml").has_estimates
+    named = change_rig(rig(two), {"control.calibration": "calibration.toml"})
     return replace(named, path=folder / "rig.toml")
 
 
@@ -82,8 +87,8 @@ def with_columns(**others: np.ndarray) -> Recording:
 
 def force_error(of: BearingSetup, drift: Drift) -> float:
     """Of the second period of the slow triangle, N."""
-    scenario, begin = following(of, of.rig.settings.trajectories[0])
-    run = flown(of, scenario, drift).part(begin, scenario.ticks)
+    scenario, begin = plan_trajectory(of, of.rig.settings.trajectories[0])
+    run = flown(of, scenario, drift).slice_ticks(begin, scenario.ticks)
     return rms(run["force_N"] - run["demand_N"])
 
 
@@ -125,13 +130,13 @@ def test_overshoot_after_calibration_is_that_of_a_bearing_that_never_drifted(
 @pytest.mark.slow
 def test_the_block_is_of_the_model_that_motion_corrected(tmp_path: Path) -> None:
     found, known, own = learnt(), bearings.knowledge(), corrected(tmp_path)
-    model = compiled_model(own, known, "full")
+    model = model_to_compile(own, known, "full")
     assert model.nodes == pytest.approx(np.add(known.model.nodes, found.value("gap_zero_m")))
     scale = 1.0 + found.value("scale_1")
-    before, after = (one.over_schedule("c_H", 0.45e-3) for one in (known.model, model))
+    before, after = (one.interpolate_parameter("c_H", 0.45e-3) for one in (known.model, model))
     assert after == pytest.approx(scale * before)
     with pytest.raises(InputError, match="share one block"):
-        compiled_model(corrected(tmp_path, True), known, "full")
+        model_to_compile(corrected(tmp_path, True), known, "full")
 
 
 @pytest.mark.slow
@@ -139,28 +144,32 @@ def test_the_block_is_of_the_model_that_motion_corrected(tmp_path: Path) -> None
 def test_a_controller_expects_the_force_that_was_learnt(two: bool) -> None:
     table = bearings.pair_controller() if two else bearings.controller().settings
     law = BearingLaw(rig(two), table, bearings.knowledge(), "full")
-    motion, zero = law.motion(recorded(two).columns), 4e-6
+    motion, zero = law.make_motion(recorded(two).columns), 4e-6
     values = dict.fromkeys(law.names, 0.0) | {"scale_1": 0.01, "gap_zero_m": zero}
-    each = [calibrated(bearings.knowledge(), 0.01, zero, over=2.0 * zero)]
-    each += [calibrated(bearings.knowledge(), 0.0, -zero, over=2.0 * zero)] if two else []
-    total, net = bearings.TOTAL, np.zeros(motion.ticks.size)
-    gap = np.interp(motion.ticks + motion.late, motion.ticks, motion.read["gap_read_m"])
-    commands = [motion.read[name] for name in ("command_A", "command_2_A")]
-    for number, one in enumerate(fit_magnets(law.rig, table, each, "full", "f64")):
+    each = [calibrate_magnet(bearings.knowledge(), 0.01, zero, gap_margin=2.0 * zero)]
+    each += (
+        [calibrate_magnet(bearings.knowledge(), 0.0, -zero, gap_margin=2.0 * zero)] if two else []
+    )
+    total, net = bearings.TOTAL, np.zeros(motion.tick_numbers.size)
+    gap = np.interp(
+        motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, motion.columns["gap_read_m"]
+    )
+    commands = [motion.columns[name] for name in ("command_A", "command_2_A")]
+    for number, one in enumerate(fit_bearing_compensators(law.rig, table, each, "full", "f64")):
         at = total - gap if number else gap
-        pulled = one.fresh().follow(np.ascontiguousarray(commands[number]), at)
-        net += (-1.0) ** number * motion.filtered(pulled, motion.late)
-    off = (net - law.net(motion, values))[motion.compared]
-    assert rms(off) < 1e-3 * motion.force
+        pulled = one.reset_copy().follow(np.ascontiguousarray(commands[number]), at)
+        net += (-1.0) ** number * motion.filter_force(pulled, motion.delay_ticks)
+    off = (net - law.net_force(motion, values))[motion.compared_indices]
+    assert rms(off) < 1e-3 * motion.force_rms
 
 
 @pytest.mark.slow
 def test_of_another_iron_it_is_said_that_the_law_does_not_fit_and_nothing_is_taken() -> None:
-    other = replace(setup(), rig=with_iron(bearings.example(), 0.3, 1.0))
-    run = flown(other, parts_of_run(other.rig, other.controller)[0], NO_DRIFT)
+    other = replace(setup(), rig=change_iron(bearings.example(), 0.3, 1.0))
+    run = flown(other, plan_recorded_run(other.rig, other.controller)[0], NO_DRIFT)
     found = taught(run)
     assert not found.file.method[0].fits
-    assert not found.learnt
+    assert not found.has_estimates
 
 
 def test_hanging_still_under_a_load_that_swings_teaches_nothing() -> None:
@@ -171,7 +180,7 @@ def test_hanging_still_under_a_load_that_swings_teaches_nothing() -> None:
     columns = {name: row for name, row in run.columns.items() if name != "load_N"}
     for one in (run, Recording(columns)):
         found = taught(one)
-        assert not found.learnt
+        assert not found.has_estimates
         (method,) = found.file.method
         assert all(number.frozen and number.value == 0.0 for number in method.parameter)
 
@@ -183,18 +192,18 @@ def test_what_the_live_page_recorded_of_the_firmware_teaches_the_same(
     bench = BearingBench(bearings.single(), bearings.firmware(tmp_path_factory))
     place = tmp_path / "run.csv"
     file = start_recording(place, bench.signals, bench.rate)
-    file.put(bench.advance(120))
+    file.write_rows(bench.advance(120))
     for command in (Command.DEMAGNETISED, Command.LIFT):
         bench.command(command)
-    file.put(bench.advance(9000))
+    file.write_rows(bench.advance(9000))
     for height in (-25e-6, 25e-6, -50e-6, 50e-6):
         bench.demand(bearings.GAP + height)
-        file.put(bench.advance(1500))
+        file.write_rows(bench.advance(1500))
     file.close()
     bench.close()
     (found,) = taught(place).file.method
     assert found.fits
-    assert found.taken
+    assert found.is_applied
     # this plant has not drifted
     assert abs(found.value("width")) < 0.05
     assert abs(found.value("gap_zero_m")) < 6e-6
@@ -212,7 +221,7 @@ FAULTS: dict[str, Callable[[Recording], Recording]] = {
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
 def test_after_a_fault_nothing_is_taken(fault: str) -> None:
-    assert not taught(FAULTS[fault](recorded())).learnt
+    assert not taught(FAULTS[fault](recorded())).has_estimates
 
 
 def test_a_recording_without_what_is_needed_is_refused() -> None:
@@ -221,7 +230,7 @@ def test_a_recording_without_what_is_needed_is_refused() -> None:
     with pytest.raises(InputError, match="no column state"):
         taught(Recording(kept))
     with pytest.raises(InputError, match="begins while a current flows"):
-        taught(run.part(len(run) - 200, len(run)))
+        taught(run.slice_ticks(len(run) - 200, len(run)))
 
 
 def test_a_reading_beyond_all_numbers_is_refused() -> None:
@@ -253,10 +262,10 @@ def test_a_calibration_that_says_nothing_of_the_controllers_method_is_refused(
     )
     Calibration(file).save(tmp_path / "calibration.toml")
     with pytest.raises(InputError, match="says nothing of 'full'"):
-        make_ready(*read_files(naming(tmp_path), None))
+        check_inputs(*read_files(naming(tmp_path), None))
 
 
 def test_what_is_to_be_found_may_be_named_before(tmp_path: Path) -> None:
     run = bearings.run(setup(), bearings.lifted(setup()).hold(0.001).build())
     with pytest.raises(InputError, match="begins while"):
-        calibrate(naming(tmp_path), run.part(len(run) - 200, len(run)))
+        calibrate(naming(tmp_path), run.slice_ticks(len(run) - 200, len(run)))

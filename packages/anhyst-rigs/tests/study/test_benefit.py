@@ -14,7 +14,7 @@ from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig, read_bearing
-from anhyst_rigs.rig.drift import changed, with_iron
+from anhyst_rigs.rig.drift import change_iron, change_rig
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.piezo import read_piezo_rig
 from anhyst_rigs.study.bearing.operating import find_operating_point
@@ -24,12 +24,12 @@ from anhyst_rigs.study.benefit import (
     Comparison,
     IronFigures,
     MapCell,
-    benefit,
-    benefit_of_plants,
-    compare_cell,
+    make_map_cell,
+    map_bearing_benefit,
+    map_plant_benefit,
 )
-from anhyst_rigs.study.engine.table import Interval, mean_interval, quotient
-from anhyst_rigs.study.reversals import reversal_share
+from anhyst_rigs.study.engine.table import Interval, mean_interval, mean_ratio
+from anhyst_rigs.study.reversals import reversal_slope_ratio
 from anhyst_rigs.verbs.simulate import simulate
 from tests.page import Page
 from tests.refusals import refused
@@ -44,7 +44,7 @@ HEIGHTS = (10e-6, 100e-6)
 def rig() -> BodyRig:
     # With the law given, for four magnets are identified; which one does not matter here.
     rig = read_bearing(EXAMPLE / "rig.toml")
-    return changed(rig, {"loops.law": "effective-field", "loops.gap_map": "circuit"})
+    return change_rig(rig, {"loops.law": "effective-field", "loops.gap_map": "circuit"})
 
 
 @pytest.fixture(scope="module")
@@ -54,14 +54,15 @@ def controller() -> ControllerFile:
 
 @pytest.fixture(scope="module")
 def found(rig: BodyRig, controller: ControllerFile) -> Benefit:
-    return benefit(rig, controller, (1.0, 2.0), (0.05, 0.3), HEIGHTS, seeds=3)
+    return map_bearing_benefit(rig, controller, (1.0, 2.0), (0.05, 0.3), HEIGHTS, seeds=3)
 
 
 def cell(found: Benefit, scale: float, fraction: float, height: float) -> MapCell:
     (one,) = (
         cell
         for cell in found.cells
-        if (cell.iron.scale, cell.iron.reversible_fraction, cell.case) == (scale, fraction, height)
+        if (cell.iron.pinning_scale, cell.iron.reversible_fraction, cell.case)
+        == (scale, fraction, height)
     )
     return one
 
@@ -71,12 +72,14 @@ def test_every_magnet_is_measured_as_it_is(found: Benefit, rig: BodyRig) -> None
     assert len(found.cells) == 8
     for one in found.cells:
         iron = one.iron
-        slopes = find_operating_point(with_iron(rig, iron.reversible_fraction, iron.scale)).slopes
-        assert iron.after_reversal_true == pytest.approx(slopes.share)
-        assert iron.label == ("pathological" if slopes.share < 0.25 else "regular")
+        slopes = find_operating_point(
+            change_iron(rig, iron.reversible_fraction, iron.pinning_scale)
+        ).slopes
+        assert iron.after_reversal_true == pytest.approx(slopes.slope_ratio)
+        assert iron.label == ("pathological" if slopes.slope_ratio < 0.25 else "regular")
     narrow, wide = (cell(found, scale, 0.3, 10e-6).iron for scale in (1.0, 2.0))
     assert wide.loop_width == pytest.approx(2.0 * narrow.loop_width, rel=0.15)
-    assert found.row_width(2.0) > 1.8 * found.row_width(1.0)
+    assert found.mean_loop_width(2.0) > 1.8 * found.mean_loop_width(1.0)
     assert cell(found, 1.0, 0.05, 10e-6).iron.label == "pathological"
     assert cell(found, 1.0, 0.3, 10e-6).iron.label == "regular"
 
@@ -115,8 +118,8 @@ def test_flux_stands_beside_what_has_no_memory(found: Benefit) -> None:
 
 @pytest.mark.slow
 def test_without_a_probe_there_is_no_flux(rig: BodyRig, controller: ControllerFile) -> None:
-    bare = bearings.without_probe(changed(rig, {"measurement.sample_s": 0.05}))
-    (one,) = benefit(bare, controller, (1.0,), (0.3,), (100e-6,), seeds=2, jobs=1).cells
+    bare = bearings.without_probe(change_rig(rig, {"measurement.sample_s": 0.05}))
+    (one,) = map_bearing_benefit(bare, controller, (1.0,), (0.3,), (100e-6,), seeds=2, jobs=1).cells
     assert one.flux == {}
     assert set(one.figures) == set(one.standstill) == {*BASELINES, "full"}
 
@@ -155,7 +158,7 @@ def test_the_map_says_where_there_is_no_gain(found: Benefit) -> None:
 def test_a_cell_does_not_depend_on_its_neighbours(
     found: Benefit, rig: BodyRig, controller: ControllerFile
 ) -> None:
-    alone = benefit(rig, controller, (2.0,), (0.3,), (100e-6,), seeds=3, jobs=1)
+    alone = map_bearing_benefit(rig, controller, (2.0,), (0.3,), (100e-6,), seeds=3, jobs=1)
     kept = cell(found, 2.0, 0.3, 100e-6)
     assert alone.cells[0].iron == kept.iron
     # The step before leaves its traces in the iron, small ones.
@@ -178,15 +181,15 @@ def test_it_is_written_as_json(found: Benefit) -> None:
 
 
 def test_a_law_is_no_iron_to_vary(rig: BodyRig, controller: ControllerFile) -> None:
-    law = changed(rig, {"magnet.kind": "law"})
+    law = change_rig(rig, {"magnet.kind": "law"})
     with refused("not-iron-of-cells: rig.toml"):
-        benefit(law, controller)
+        map_bearing_benefit(law, controller)
 
 
 def test_what_is_lost_does_not_count_as_a_baseline() -> None:
     lost = Comparison(None, None, None)
     assert lost.outcome == "no gain"
-    certain = Comparison("single-valued", quotient([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2))
+    certain = Comparison("single-valued", mean_ratio([1.0, 1.1], [2.0, 2.2]), Interval(1.0, 0.9, 2))
     assert certain.outcome == "gain"
     assert Comparison("single-valued", None, None).outcome == "loss"
 
@@ -195,7 +198,7 @@ def test_what_is_lost_does_not_count_as_a_baseline() -> None:
     ("mean", "outcome"), [(1.2, "gain"), (1.0, "no gain"), (-1.0, "no gain"), (-1.2, "loss")]
 )
 def test_gain_and_loss_are_reported_only_where_they_are_certain(mean: float, outcome: str) -> None:
-    ratio = quotient([1.0, 1.1], [2.0, 2.2])
+    ratio = mean_ratio([1.0, 1.1], [2.0, 2.2])
     assert Comparison("single-valued", ratio, Interval(mean, 1.1, 2)).outcome == outcome
     assert Comparison("single-valued", ratio, Interval(mean, 1.1, 2), 3.0, True).outcome == (
         "nothing to gain"
@@ -208,7 +211,7 @@ def test_the_interval_of_a_ratio_holds_one_where_the_difference_may_be_zero() ->
     for shift in np.linspace(-0.5, 0.5, 41):
         common = rng.standard_normal(12)
         upper, lower = 3.0 + common + 0.3 * rng.standard_normal(12), 3.0 + shift + common
-        ratio, difference = quotient(upper, lower), mean_interval(lower - upper)
+        ratio, difference = mean_ratio(upper, lower), mean_interval(lower - upper)
         gains = difference.mean - difference.half_width > 0.0
         assert gains == (ratio.high < 1.0)
         assert ratio.low <= ratio.value <= ratio.high
@@ -221,29 +224,30 @@ def test_the_interval_of_a_ratio_covers_it() -> None:
     inside = 0
     for _ in range(400):
         upper, lower = 2.0 + 0.5 * rng.standard_normal(20), 4.0 + 0.8 * rng.standard_normal(20)
-        found = quotient(upper, lower)
+        found = mean_ratio(upper, lower)
         inside += found.low <= 0.5 <= found.high
     assert 0.92 < inside / 400 < 0.98
 
 
 def test_a_ratio_over_what_may_be_zero_is_open() -> None:
-    found = quotient([1.0, 1.1, 0.9], [1.0, -1.0, 0.1])
+    found = mean_ratio([1.0, 1.1, 0.9], [1.0, -1.0, 0.1])
     assert (found.low, found.high) == (0.0, math.inf)
-    assert quotient([1.0, 1.0], [0.0, 0.0]).value == math.inf
+    assert mean_ratio([1.0, 1.0], [0.0, 0.0]).value == math.inf
 
 
 @pytest.mark.parametrize(("scale", "fraction"), [(0.5, 0.15), (1.0, 0.05), (1.0, 0.3), (1.0, 0.5)])
 def test_measured_loops_show_the_slope_after_a_reversal(
     rig: BodyRig, scale: float, fraction: float
 ) -> None:
-    other = with_iron(rig, fraction, scale)
-    reported = reversal_share(measure_loops(other))
-    assert reported == pytest.approx(find_operating_point(other).slopes.share, abs=0.08)
+    other = change_iron(rig, fraction, scale)
+    reported = reversal_slope_ratio(measure_loops(other))
+    assert reported == pytest.approx(find_operating_point(other).slopes.slope_ratio, abs=0.08)
 
 
 def test_wide_loops_show_it_less_well_but_in_order(rig: BodyRig) -> None:
     reported = [
-        reversal_share(measure_loops(with_iron(rig, fraction, 2.0))) for fraction in (0.05, 0.15)
+        reversal_slope_ratio(measure_loops(change_iron(rig, fraction, 2.0)))
+        for fraction in (0.05, 0.15)
     ]
     assert reported[0] is not None
     assert reported[1] is not None
@@ -251,10 +255,13 @@ def test_wide_loops_show_it_less_well_but_in_order(rig: BodyRig) -> None:
 
 
 def test_loops_without_reversals_near_enough_show_nothing(rig: BodyRig) -> None:
-    coarse = changed(rig, {"measurement.sample_s": 0.05})
-    assert reversal_share(measure_loops(coarse)) is None
+    coarse = change_rig(rig, {"measurement.sample_s": 0.05})
+    assert reversal_slope_ratio(measure_loops(coarse)) is None
     single = rig.settings.measurement.records[0].model_copy(update={"turns": [0.0, 1.0]})
-    assert reversal_share(measure_loops(changed(rig, {"measurement.records": [single]}))) is None
+    assert (
+        reversal_slope_ratio(measure_loops(change_rig(rig, {"measurement.records": [single]})))
+        is None
+    )
 
 
 PIEZO = EXAMPLE.parent / "piezo" / "rig.toml"
@@ -264,7 +271,7 @@ PIEZO = EXAMPLE.parent / "piezo" / "rig.toml"
 def test_a_wider_loop_of_a_piezo_stack_leaves_more_to_gain() -> None:
     """The error of a curve grows with the loop; what play cells leave stays below the narrow one's."""
     stage = read_piezo_rig(PIEZO)
-    narrow, wide = benefit_of_plants(stage, (0.5, 1.0), seeds=2, jobs=1).cells
+    narrow, wide = map_plant_benefit(stage, (0.5, 1.0), seeds=2, jobs=1).cells
     assert wide.iron.loop_width == pytest.approx(2.0 * narrow.iron.loop_width, rel=0.15)
     errors = [one.figures["single-valued"]["rms_m"].mean for one in (narrow, wide)]
     assert errors[1] > 1.6 * errors[0]
@@ -278,7 +285,7 @@ def test_a_wider_loop_of_a_piezo_stack_leaves_more_to_gain() -> None:
 def test_iron_of_a_stage_is_varied_and_measured_again() -> None:
     """Iron that hardly answers after a reversal, at half and at all of its width."""
     rig = stages.stage()
-    found = benefit_of_plants(rig, (0.5, 1.0), (0.05,), seeds=2)
+    found = map_plant_benefit(rig, (0.5, 1.0), (0.05,), seeds=2)
     narrow, wide = found.cells
     assert wide.iron.loop_width > 1.7 * narrow.iron.loop_width
     assert wide.iron.label == "pathological"
@@ -311,7 +318,7 @@ def test_a_rig_that_no_method_holds_has_its_map_and_page_too(tmp_path: Path) -> 
 
 
 def outcome(iron: IronFigures, values: Mapping[MethodName, Mapping[str, FloatArray]]) -> str:
-    cell = compare_cell(iron, "triangle", values, {}, False, ["settling_s"])
+    cell = make_map_cell(iron, "triangle", values, {}, False, ["settling_s"])
     return cell.strongest["settling_s"].outcome
 
 

@@ -10,13 +10,13 @@ import pytest
 
 from anhyst.control.controller_file import write_controller
 from anhyst.support.states import Command, Fault, Phase, State
-from anhyst_rigs.link.client import Refused
+from anhyst_rigs.link.client import RequestRefusedError
 from anhyst_rigs.link.frames import DemandRequest, Reason, StatusAnswer, TargetRequest
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder, land_time
 from anhyst_rigs.rig.bench.bearing import BearingBench
-from anhyst_rigs.rig.loop import DROP, SimulatedLoop
-from anhyst_rigs.study.bearing.board_faults import FaultRuns, injections
+from anhyst_rigs.rig.loop import DROP_SAMPLE_BIT, SimulatedLoop
+from anhyst_rigs.study.bearing.board_faults import FaultRuns, fault_injections
 from anhyst_rigs.study.bearing.on_board import build_firmware, count_differences, run_board
 from tests.refusals import refused
 from tests.study import bearings
@@ -53,7 +53,7 @@ def running(firmware: Path) -> Iterator[BearingBench]:
 
 def hop(setup: BearingSetup) -> ScenarioBuilder:
     """Lift off, step, lose a sample, step the load, land."""
-    script = bearings.lifted(setup).step(GAP - 20e-6, 0.02).command(DROP).step(GAP, 0.02)
+    script = bearings.lifted(setup).step(GAP - 20e-6, 0.02).command(DROP_SAMPLE_BIT).step(GAP, 0.02)
     script.set_load(setup.rig.settings.load.force_N + 20.0).hold(0.02)
     return script.command(Command.LAND).hold(land_time(setup.rig, setup.controller))
 
@@ -88,13 +88,13 @@ def test_every_fault_in_the_air_ends_as_is_said(firmware: Path) -> None:
     setup = bearings.single()
     with closing(BearingBench(setup, firmware, board="library")) as running:
         runs = FaultRuns(setup, running)
-        found = [runs.run(injection) for injection in injections()]
+        found = [runs.run(injection) for injection in fault_injections()]
     assert len(found) >= len(LANDS)
     for one in found:
         name = one.injection.name
-        assert one.as_expected, (name, one)
+        assert one.is_as_expected, (name, one)
         assert one.magnet_speed == 0.0, name
-        if not one.levitates:
+        if not one.is_levitating:
             assert one.rest_speed < (SOFT if name in LANDS else FALL), (name, one.rest_speed)
 
 
@@ -105,7 +105,7 @@ def test_every_fault_in_the_air_ends_as_is_said(firmware: Path) -> None:
 def test_long_flights_differ_in_no_tick(firmware: Path, ticks: int) -> None:
     setup = bearings.single()
     script = bearings.lifted(setup)
-    landing = script.count(land_time(setup.rig, setup.controller))
+    landing = script.tick_count(land_time(setup.rig, setup.controller))
     while script.ticks < ticks - landing:
         for gap, load in ((0.41e-3, 130.0), (0.49e-3, 165.0), (0.45e-3, 150.0)):
             script.set_load(load).step(gap, 0.1)
@@ -141,30 +141,30 @@ def test_targets_stay_within_the_positions_that_can_be(running: BearingBench) ->
         if allowed:
             running.link.request(TargetRequest(code), StatusAnswer)
             continue
-        with pytest.raises(Refused) as refused:
+        with pytest.raises(RequestRefusedError) as refused:
             running.link.request(TargetRequest(code), StatusAnswer)
         assert refused.value.reason is Reason.VALUE
 
 
 def test_a_position_has_no_demand_and_levitation_no_run(running: BearingBench) -> None:
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(RequestRefusedError) as refused:
         running.link.request(DemandRequest(5), StatusAnswer)
     assert refused.value.reason is Reason.TYPE
     running.advance(40)
     running.command(Command.DEMAGNETISED)
     running.advance(1)
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(RequestRefusedError) as refused:
         running.command(Command.RUN)
     assert refused.value.reason is Reason.VALUE
 
 
 def test_the_pc_may_come_and_go_on_the_ground_alone(running: BearingBench) -> None:
-    running.beats = False
+    running.sends_heartbeat = False
     running.advance(5000)
     assert running.state is not State.FAULT
-    running.beats = True
+    running.sends_heartbeat = True
     hover(running)
-    running.beats = False
+    running.sends_heartbeat = False
     running.advance(2100)
     assert running.fault is Fault.LINK_LOST
 

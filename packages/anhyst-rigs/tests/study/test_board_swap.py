@@ -13,7 +13,7 @@ import pytest
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import HysteresisInverse
 from anhyst.control.controller_file import ControllerFile, write_controller
-from anhyst.support.block_words import regenerate
+from anhyst.support.block_words import set_generation
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Phase, State
@@ -99,7 +99,7 @@ def hovering(built: Built, other: Block | None) -> FloatArray:
         running.run(bearings.lifted(built.setup).hold(0.02).build())
         rows = [running.step()]
         if other is not None:
-            running.link.write_block(regenerate(other.words.tolist(), 9))
+            running.link.write_block(set_generation(other.words.tolist(), 9))
         rows += [running.step() for _ in range(2000)]
         assert running.state is State.RUN
         assert Phase(running.link.status().codes.phase) is Phase.HOVER
@@ -130,7 +130,7 @@ def test_a_swap_while_conditioning_begins_it_again_along_the_ramp(built: Built) 
         before = np.array([running.step()["command"] for _ in range(1500)])
         assert before[-1] > 0.5
         slope = np.abs(np.diff(before)).max()
-        running.link.write_block(regenerate(other.words.tolist(), 9))
+        running.link.write_block(set_generation(other.words.tolist(), 9))
         after = np.array([running.step()["command"] for _ in range(3000)])
     assert np.abs(np.diff(after, prepend=before[-1])).max() <= slope + built.step
     assert after.min() >= 0.0

@@ -97,7 +97,7 @@ def test_the_gain_of_a_probe_is_found_whatever_it_corrects() -> None:
 
 @pytest.mark.slow
 def test_the_mass_is_the_scale_of_force_and_goes_into_the_scales() -> None:
-    heavier = stages.stage().settings.changed({"body.mass_kg": 10.05})
+    heavier = stages.stage().settings.with_changes({"body.mass_kg": 10.05})
     rig = replace(stages.stage(), settings=heavier)
     (found,) = calibrate(rig, recorded(), magnet=bearings.knowledge(), methods=["full"]).file.method
     assert found.fits
@@ -107,10 +107,10 @@ def test_the_mass_is_the_scale_of_force_and_goes_into_the_scales() -> None:
 
 @pytest.mark.slow
 def test_where_the_law_does_not_fit_nothing_is_taken_or_written(tmp_path: Path) -> None:
-    heavier = stages.stage().settings.changed({"body.mass_kg": 15.0})
+    heavier = stages.stage().settings.with_changes({"body.mass_kg": 15.0})
     rig, out = replace(stages.stage(), settings=heavier), tmp_path / "calibration.toml"
     found = calibrate(rig, recorded(), out, magnet=bearings.knowledge(), methods=["full"])
-    assert not found.learnt
+    assert not found.has_estimates
     assert not out.exists()
     assert "nothing is taken" in found.facts()["full"]
 
@@ -119,8 +119,8 @@ def test_numbers_that_do_not_fit_correct_nothing() -> None:
     found = learnt().model_copy(update={"fits": False})
     assert learnt().value("scale_1") != 0.0
     assert found.value("scale_1") == 0.0
-    assert found.widths(2) == [0.0, 0.0]
-    assert not found.taken
+    assert found.width_changes(2) == [0.0, 0.0]
+    assert not found.is_applied
 
 
 @pytest.mark.slow
@@ -139,7 +139,7 @@ def test_nothing_moves_where_hardly_any_force_was_demanded(tmp_path: Path) -> No
     (found,) = whole.file.method
     assert {one.value for one in found.parameter} == {0.0}
     assert all(one.frozen for one in found.parameter)
-    assert not whole.learnt
+    assert not whole.has_estimates
     assert not found.fits
     assert not out.exists()
 
@@ -161,7 +161,7 @@ def test_a_law_of_another_kind_is_said_and_one_of_the_right_kind_is_not_in_any_n
     assert play.fits
     assert play.residual_N > 2.0 * learnt("full").residual_N
     assert not learnt("single-valued").fits
-    noisy = stages.stage().settings.changed({"position_sensor.noise_m": 5e-9})
+    noisy = stages.stage().settings.with_changes({"position_sensor.noise_m": 5e-9})
     rig = replace(stages.stage(), settings=noisy)
     made = replace(make_stage(rig, bearings.knowledge(), "full"), drift=WRONG)
     run = track(made, training(), Feedforward(), 1)
@@ -180,10 +180,13 @@ def test_no_number_leaves_what_the_rig_file_states_of_it() -> None:
 def test_corrections_of_nothing_change_no_bit_and_single_precision_follows() -> None:
     made, motion = stages.setup("full"), training()
     nothing = np.array([[1.0, 0.0, 1.0, 0.0]] * 2)
-    same = track(replace(made, correction=nothing), motion, Feedforward(), 1)
+    same = track(replace(made, correction_rows=nothing), motion, Feedforward(), 1)
     assert (same.table == track(made, motion, Feedforward(), 1).table).all()
     single = make_stage(stages.stage(format="f32"), bearings.knowledge(), "full", learnt())
-    runs = [track(replace(single, law=law), motion, Feedforward(), 1) for law in ("f64", "f32")]
+    runs = [
+        track(replace(single, number_format=law), motion, Feedforward(), 1)
+        for law in ("f64", "f32")
+    ]
     assert np.abs(runs[0]["error_m"] - runs[1]["error_m"]).max() < 5e-9
 
 
@@ -194,7 +197,7 @@ def test_a_correction_that_is_no_factor_is_refused(column: int, value: float) ->
     rows = np.array([[1.0, 0.0, 1.0, 0.0]] * 2)
     rows[1, column] = value
     with pytest.raises(ValueError, match="not valid"):
-        track(replace(stages.setup("full"), correction=rows), training(), Feedforward())
+        track(replace(stages.setup("full"), correction_rows=rows), training(), Feedforward())
 
 
 @pytest.mark.slow
@@ -202,10 +205,10 @@ def test_the_file_that_a_rig_names_corrects_its_variants(tmp_path: Path) -> None
     taught(recorded()).save(tmp_path / "calibration.toml")
     rig = replace(stages.stage(calibration="calibration.toml"), path=tmp_path / "rig.toml")
     named = make_stage(rig, bearings.knowledge(), "full")
-    assert named.correction is not None
-    assert (named.correction == corrected().correction).all()
-    assert make_stage(rig, bearings.knowledge(), "play").correction is None
-    heavier = rig.settings.changed({"body.mass_kg": 10.05})
+    assert named.correction_rows is not None
+    assert (named.correction_rows == corrected().correction_rows).all()
+    assert make_stage(rig, bearings.knowledge(), "play").correction_rows is None
+    heavier = rig.settings.with_changes({"body.mass_kg": 10.05})
     with pytest.raises(InputError) as caught:
         make_stage(replace(rig, settings=heavier), bearings.knowledge(), "full")
     assert caught.value.code == "mass-differs"
@@ -293,7 +296,7 @@ def test_a_calibration_without_the_law_itself_is_refused_before_any_work(tmp_pat
 
 
 def test_an_amplifier_whose_lag_would_be_taken_for_the_iron_s_is_refused() -> None:
-    slow = stages.stage().settings.changed({"amplifier.bandwidth_Hz": 1000.0})
+    slow = stages.stage().settings.with_changes({"amplifier.bandwidth_Hz": 1000.0})
     with refused("amplifier-too-slow: amplifier.bandwidth_Hz"):
         calibrate(replace(stages.stage(), settings=slow), recorded(), magnet=bearings.knowledge())
 
@@ -323,7 +326,7 @@ def test_no_file_corrects_by_more_than_any_calibration(
     (tmp_path / "calibration.toml").write_text(changed)
     rig = replace(stages.stage(calibration="calibration.toml"), path=tmp_path / "rig.toml")
     with refused("beyond-any-calibration"):
-        rig.learnt("single-valued")
+        rig.method_calibration("single-valued")
 
 
 @pytest.mark.slow
@@ -346,7 +349,10 @@ def test_an_oracle_that_sees_true_forces_and_currents_finds_the_same_numbers() -
             (run["gap_m"], run["gap_2_m"]),
             strict=True,
         ):
-            slow, law = lfilter([share], [1.0, share - 1.0], scale * current), compensator.fresh()
+            slow, law = (
+                lfilter([share], [1.0, share - 1.0], scale * current),
+                compensator.reset_copy(),
+            )
             pulls.append(
                 [law.commit(*one) for one in zip(slow.tolist(), gap.tolist(), strict=True)]
             )

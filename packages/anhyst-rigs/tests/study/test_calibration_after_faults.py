@@ -17,7 +17,7 @@ from anhyst_rigs.link.virtual_boards import Q31
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.drift import drifted_plant
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.study.bearing.board_faults import Act, Injection, injections
+from anhyst_rigs.study.bearing.board_faults import FaultAction, FaultInjection, fault_injections
 from tests.study import bearings
 from tests.study.test_bearing_calibration import WRONG, setup, taught
 
@@ -47,10 +47,10 @@ class Flight:
             self._gap = self._full["gap_middle"] - read
         return self._exchange(sample)
 
-    def fly(self, ticks: int, act: Act = lambda *_: True) -> None:
+    def fly(self, ticks: int, act: FaultAction = lambda *_: True) -> None:
         running = self.running
         for n in range(ticks):
-            running.beats = act(running, n)
+            running.sends_heartbeat = act(running, n)
             now = running.step() | {"gap_read": self._gap, "t": running.tick * setup().rig.dt}
             self.rows.append([now[name] for name in COLUMNS])
 
@@ -61,10 +61,10 @@ class Flight:
 
     @property
     def recording(self) -> Recording:
-        return Recording.of_table(np.array(self.rows), COLUMNS.values())
+        return Recording.from_table(np.array(self.rows), COLUMNS.values())
 
 
-def recorded(firmware: Path, act: Act) -> tuple[Recording, int]:
+def recorded(firmware: Path, act: FaultAction) -> tuple[Recording, int]:
     """Fly steps, then with something that is done, then steps again; until when all was well."""
     plant = drifted_plant(setup().rig, WRONG, 1)
     with closing(BearingBench(setup(), firmware, board="library", bearing=plant)) as running:
@@ -76,7 +76,7 @@ def recorded(firmware: Path, act: Act) -> tuple[Recording, int]:
         flight.steps()
         good = len(flight.rows)
         flight.fly(5000, act)
-        running.tap.shown, plant.supply = None, supply
+        running.tap.change_sample, plant.supply = None, supply
         running.load(running.rest_load)
         flight.steps()
     return flight.recording, good
@@ -85,14 +85,14 @@ def recorded(firmware: Path, act: Act) -> tuple[Recording, int]:
 def learnt(run: Recording) -> dict[str, tuple[float, float]]:
     """Numbers and their standard deviations; none where nothing is taken."""
     (method,) = taught(run).file.method
-    return {one.name: (one.value, one.sigma) for one in method.parameter if method.taken}
+    return {one.name: (one.value, one.sigma) for one in method.parameter if method.is_applied}
 
 
 @cache
 def without_a_fault(firmware: Path) -> tuple[dict[str, tuple[float, float]], ...]:
     """What is learnt of the steps before, and of all of a flight in which nothing happens."""
     run, good = recorded(firmware, lambda *_: True)
-    return learnt(run.part(0, good)), learnt(run)
+    return learnt(run.slice_ticks(0, good)), learnt(run)
 
 
 @pytest.mark.slow
@@ -100,20 +100,20 @@ def without_a_fault(firmware: Path) -> tuple[dict[str, tuple[float, float]], ...
     "fault",
     [
         pytest.param(one, id=one.name, marks=() if one.name in OFTEN else pytest.mark.campaign)
-        for one in injections()
+        for one in fault_injections()
     ],
 )
 def test_a_fault_of_the_flight_list_moves_nothing_that_was_learnt(
-    tmp_path_factory: pytest.TempPathFactory, fault: Injection
+    tmp_path_factory: pytest.TempPathFactory, fault: FaultInjection
 ) -> None:
     firmware = bearings.firmware(tmp_path_factory)
-    run, _ = recorded(firmware, fault.act)
-    if fault.reason is Fault.MISSED_TICK:
+    run, _ = recorded(firmware, fault.action)
+    if fault.expected_fault is Fault.MISSED_TICK:
         with pytest.raises(InputError, match="record every tick once"):
             taught(run)
         return
     flies_on = bool(run["state"][-1] == State.RUN)
-    assert flies_on == (fault.reason is Fault.NONE)
+    assert flies_on == (fault.expected_fault is Fault.NONE)
     wanted = without_a_fault(firmware)[flies_on]
     assert len(wanted) == 4
     for name, (value, sigma) in learnt(run).items():

@@ -14,8 +14,8 @@ from anhyst_rigs.study.bearing.experiments import (
     ExperimentOutcome,
     ExperimentTrial,
     LimitCycle,
-    of_all,
-    stand_still,
+    run_standstill,
+    run_variants,
 )
 from anhyst_rigs.study.bearing.responses import StepCell, StepResult, StepRun, compare_steps
 from tests.study import bearings
@@ -69,7 +69,7 @@ def quiet(setup: BearingSetup) -> BearingSetup:
 
 def standstill(setup: BearingSetup) -> float:
     """Mean rms over the seeds, m; no limit cycle in any."""
-    found = [stand_still(ExperimentTrial(setup, seed)) for seed in SEEDS]
+    found = [run_standstill(ExperimentTrial(setup, seed)) for seed in SEEDS]
     held = [one for one in found if one is not None]
     assert [one.cycles for one in held] == [()] * len(SEEDS)
     return float(np.mean([one.figures["rms_m"] for one in held]))
@@ -83,11 +83,11 @@ def test_it_stands_still_to_ten_nanometres_without_a_limit_cycle(fraction: float
 
 def test_what_overshoots_is_reported_from_what_only_moves_about() -> None:
     """A constant ratio overshoots; of the best curve without memory the noise is all there is."""
-    assert all(cell.overshoots for cell in cells("ratio", "fixed", 0.15))
+    assert all(cell.has_overshoot for cell in cells("ratio", "fixed", 0.15))
     least = cells("single-valued", "fixed", 0.15)[0]
-    assert not least.overshoots
-    assert least.of("overshoot_percent").mean == pytest.approx(
-        least.of("noise_percent").mean, rel=0.3
+    assert not least.has_overshoot
+    assert least.interval("overshoot_percent").mean == pytest.approx(
+        least.interval("noise_percent").mean, rel=0.3
     )
 
 
@@ -99,7 +99,7 @@ def test_where_a_run_is_lost_there_is_no_mean_of_the_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     setup = bearings.single("ratio")
-    found = of_all(falls_once, {"ratio": setup}, SEEDS, None)
+    found = run_variants(falls_once, {"ratio": setup}, SEEDS, None)
     assert found["ratio"].as_dict() == {"lost": 1, "runs": len(SEEDS)}
     real = responses.run_steps
 
@@ -109,7 +109,7 @@ def test_where_a_run_is_lost_there_is_no_mean_of_the_others(
     monkeypatch.setattr(responses, "run_steps", but_once)
     (cell,) = compare_steps([setup], [GAP], [50e-6], [150.0], SEEDS, jobs=1)
     assert (cell.lost, cell.runs, cell.figures) == (1, len(SEEDS), {})
-    assert np.isnan(cell.of("overshoot_percent").mean)
+    assert np.isnan(cell.interval("overshoot_percent").mean)
     assert set(cell.as_dict()) == {"variant", "gap_m", "height_m", "load_N", "lost", "runs"}
 
 
@@ -125,11 +125,11 @@ def rests(trial: ExperimentTrial) -> ExperimentOutcome:
 
 def test_a_limit_cycle_is_reported_by_its_runs_and_not_by_a_mean_with_zeros() -> None:
     setups: dict[MethodName, BearingSetup] = {"ratio": bearings.single("ratio")}
-    found = of_all(cycles_twice, setups, range(5), None)["ratio"].as_dict()
+    found = run_variants(cycles_twice, setups, range(5), None)["ratio"].as_dict()
     assert (found["limit_cycles"], found["runs"]) == (2, 5)
     assert found["limit_cycle_m"] == pytest.approx(80e-9)
     assert found["limit_cycle_s"] == pytest.approx(9e-3)
-    still = of_all(rests, setups, range(5), None)["ratio"].as_dict()
+    still = run_variants(rests, setups, range(5), None)["ratio"].as_dict()
     assert (still["limit_cycles"], still["limit_cycle_m"], still["limit_cycle_s"]) == (
         0,
         None,

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.study.tracking.bodies import StageLaw
+from anhyst_rigs.study.tracking.estimator import ParameterEstimator
 from anhyst_rigs.study.tracking.excitation import (
     CalibratingMove,
     excite_to_calibrate,
     find_move,
-    fly,
+    fly_legs,
 )
-from anhyst_rigs.study.tracking.learner import Learner
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.test_balancing import left, plant, recorded, short, stage_of, taught
@@ -39,7 +39,7 @@ def test_the_shortest_move_is_chosen_that_shows_all_that_any_shows() -> None:
     assert found.work.hidden == hidden
     # only a longer way shows a cable
     cable = {"spread.cable_N_per_m": 10.0, "scan.speed_m_per_s": 0.5}
-    longer = find_move(changed(rig, cable), bearings.knowledge())
+    longer = find_move(change_rig(rig, cable), bearings.knowledge())
     assert longer.legs["x"].speed > leg.speed
     assert longer.move.hidden == hidden
 
@@ -65,11 +65,11 @@ def test_one_move_balances_a_body_along_both_ways_and_its_own_set_point_along_on
     assert not found.move.hidden
     assert {"scale_5", "scale_6", "centre_x_m"} <= set(found.work.hidden)
     assert max(found.legs["y"].peaks) == pytest.approx(11.0)  # one pair carries it
-    learner = Learner(StageLaw(short(), bearings.knowledge(), "full"))
+    learner = ParameterEstimator(StageLaw(short(), bearings.knowledge(), "full"))
     setup = make_stage(short(), bearings.knowledge(), "full")
-    moved = fly(replace(setup, drift=plant()), found.legs, 1)
-    assert learner.learn(learner.law.motion(moved.columns))
-    assert learner.found.fits
+    moved = fly_legs(replace(setup, drift=plant()), found.legs, 1)
+    assert learner.update(learner.law.make_motion(moved.columns))
+    assert learner.calibration.fits
     worked = taught("full", recorded())
     along, about = left(stage_of(learner))
     before, turned = left(setup)

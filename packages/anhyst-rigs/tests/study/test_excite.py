@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from anhyst.data.reading import read_loops
-from anhyst.data.speeds import rate_line, speeds_of
+from anhyst.data.speeds import describe_rate, group_by_speed
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_text import toml_value
-from anhyst_rigs.rig.measuring import HeldRig, Pull
+from anhyst_rigs.rig.measuring import HeldMagnet, HeldRig
 from anhyst_rigs.rig.piezo import read_piezo_rig
 from anhyst_rigs.rig.sensor_table import Sensors
 from anhyst_rigs.study.excite.design import Bound, Specimen, Winding
-from anhyst_rigs.study.excite.excite import Excitation, excite, measure, read_specimen
+from anhyst_rigs.study.excite.excite import Excitation, excite, measure_gaps, read_specimen
 from tests.plant.test_energy import STAGE
 from tests.refusals import refused
 from tests.repository import ROOT
@@ -42,7 +42,7 @@ class Watched:
     rig: HeldRig
     forces: list[float] = field(default_factory=list)
 
-    def magnet(self) -> Pull:
+    def magnet(self) -> HeldMagnet:
         rig, forces = self.rig.magnet(), self.forces
 
         class Feeling:
@@ -69,32 +69,32 @@ def bearing(folder: Path, more: str = "") -> Specimen:
 
 def check_limits(found: Excitation) -> None:
     """Hold all that was played against the limits, rests and conditioning included."""
-    specimen, played = found.specimen, found.played
-    assert played.current.max() <= specimen.current.value + 1e-12
-    assert played.current.min() >= specimen.lowest
-    rate = np.abs(np.diff(played.current)) / specimen.sample
-    same = np.diff(played.time) < 1.5 * specimen.sample
+    specimen, played = found.specimen, found.drive_history
+    assert played.current.max() <= specimen.max_current.value + 1e-12
+    assert played.current.min() >= specimen.min_current
+    rate = np.abs(np.diff(played.current)) / specimen.sample_s
+    same = np.diff(played.time) < 1.5 * specimen.sample_s
     assert same.all()  # nothing is left out of the account
-    assert rate.max() <= specimen.rate.value * (1.0 + 1e-9)
+    assert rate.max() <= specimen.max_rate.value * (1.0 + 1e-9)
     assert np.diff(played.gap)[np.abs(played.current[1:]) > 0.0].max() <= 0.0
     if specimen.winding is None:
         return
     # The firmware's own step, and its share.
-    share, warmth, most = specimen.sample / specimen.winding.time, 0.0, 0.0
+    share, warmth, most = specimen.sample_s / specimen.winding.time_constant, 0.0, 0.0
     for current in played.current.tolist():
-        warmth += share * ((current / specimen.winding.continuous) ** 2 - warmth)
+        warmth += share * ((current / specimen.winding.continuous_current) ** 2 - warmth)
         most = max(most, warmth)
     assert 0.5 < most < 1.0  # not by staying cold
 
 
 def test_a_drive_keeps_to_current_rate_force_and_the_warmth_of_the_winding(tmp_path: Path) -> None:
     specimen = bearing(tmp_path, TIGHT)
-    assert specimen.held is not None
-    watched = Watched(specimen.held)
-    found = measure(replace(specimen, held=watched))
+    assert specimen.held_rig is not None
+    watched = Watched(specimen.held_rig)
+    found = measure_gaps(replace(specimen, held_rig=watched))
     check_limits(found)
     assert 0.9 * 170.0 < max(watched.forces) <= 170.0
-    assert {place.peak.key for place in found.places} == {
+    assert {place.peak.key for place in found.probed_gaps} == {
         "excite.force_max_N",
         "excite.current_max_A",
     }
@@ -105,40 +105,43 @@ def test_a_drive_keeps_to_current_rate_force_and_the_warmth_of_the_winding(tmp_p
 
 def test_the_winding_lowers_the_current_where_rests_do_not_help(tmp_path: Path) -> None:
     free = bearing(tmp_path)
-    warm = measure(replace(free, winding=Winding(1.7, 20.0)))
+    warm = measure_gaps(replace(free, winding=Winding(1.7, 20.0)))
     check_limits(warm)
-    assert all(place.peak.key == "excite.continuous_A" for place in warm.places)
-    assert all(2.0 < place.peak.value < 4.4 for place in warm.places)
+    assert all(place.peak.key == "excite.continuous_A" for place in warm.probed_gaps)
+    assert all(2.0 < place.peak.value < 4.4 for place in warm.probed_gaps)
     # A slow winding with the same current needs rests and no lower current.
-    slow = measure(replace(free, winding=Winding(1.7, 200.0)))
+    slow = measure_gaps(replace(free, winding=Winding(1.7, 200.0)))
     check_limits(slow)
-    assert all(place.peak.value == 4.5 for place in slow.places)
-    assert slow.played.time[-1] > 1.5 * measure(free).played.time[-1]
+    assert all(place.peak.value == 4.5 for place in slow.probed_gaps)
+    assert slow.drive_history.time[-1] > 1.5 * measure_gaps(free).drive_history.time[-1]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bearing", "solenoid"])
 def test_the_bundled_rigs_are_measured_within_what_they_have(kind: str, tmp_path: Path) -> None:
     specimen = read_specimen(measured_rig(kind, tmp_path).path).specimen
-    found = measure(specimen)
+    found = measure_gaps(specimen)
     check_limits(found)
     assert len(found.loops) == 4 * len(specimen.gaps)
-    assert all(place.reached for place in found.places)
+    assert all(place.is_force_reached for place in found.probed_gaps)
 
 
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
         (
-            {"force": Bound(60.0, "excite.force_max_N")},
+            {"max_force": Bound(60.0, "excite.force_max_N")},
             "operating-force-not-reached: excite.force_max_N",
         ),
-        ({"force": Bound(0.05, "excite.force_max_N")}, "force-limit-too-low excite.force_max_N"),
         (
-            {"current": Bound(1.0, "excite.current_max_A")},
+            {"max_force": Bound(0.05, "excite.force_max_N")},
+            "force-limit-too-low excite.force_max_N",
+        ),
+        (
+            {"max_current": Bound(1.0, "excite.current_max_A")},
             "operating-force-not-reached: excite.current_max_A",
         ),
-        ({"rate": Bound(-1.0, "amplifier.supply_V")}, "supply-too-weak amplifier.supply_V"),
+        ({"max_rate": Bound(-1.0, "amplifier.supply_V")}, "supply-too-weak amplifier.supply_V"),
         ({"winding": Winding(0.3, 5.0)}, "winding-too-warm excite.continuous_A"),
     ],
 )
@@ -147,18 +150,18 @@ def test_what_cannot_be_measured_is_refused_with_the_limit(
 ) -> None:
     specimen = replace(bearing(tmp_path), **changes)  # type: ignore[arg-type]
     with refused(key):
-        measure(specimen)
+        measure_gaps(specimen)
 
 
 def test_a_bipolar_amplifier_demagnetises_before_every_record(tmp_path: Path) -> None:
-    specimen = replace(bearing(tmp_path), lowest=-4.5, gaps=(0.35e-3, 0.55e-3))
-    found = measure(specimen)
+    specimen = replace(bearing(tmp_path), min_current=-4.5, gaps=(0.35e-3, 0.55e-3))
+    found = measure_gaps(specimen)
     check_limits(found)
-    assert found.demagnetised
-    assert found.played.current.min() == pytest.approx(-0.85 * 4.5)
+    assert found.begins_demagnetised
+    assert found.drive_history.current.min() == pytest.approx(-0.85 * 4.5)
     for loop in found.loops.loops:
-        assert specimen.held is not None
-        virgin, gap = specimen.held.magnet(), float(loop.schedule[0])  # type: ignore[index]
+        assert specimen.held_rig is not None
+        virgin, gap = specimen.held_rig.magnet(), float(loop.schedule[0])  # type: ignore[index]
         rise = slice(0, int(np.argmax(loop.input)) // 2)
         path = loop.input[rise].copy()
         true = virgin.run(path, np.full(path.size, gap))[:, 0]
@@ -196,7 +199,7 @@ def test_a_model_of_these_loops_is_as_good_as_one_of_the_bundled_campaign(
     kind: str, iron: str | None, tmp_path: Path
 ) -> None:
     rig = measured_rig(kind, tmp_path, iron)
-    own, usual = measure(read_specimen(rig.path).specimen).loops, rig.usual_loops()
+    own, usual = measure_gaps(read_specimen(rig.path).specimen).loops, rig.usual_loops()
     largest = max(float(loop.output.max()) for loop in usual.loops)
     ours, theirs = rig.model(own), rig.model(usual)
     for turns in (WIDE, INNER):
@@ -220,9 +223,9 @@ def test_fast_cycles_are_run_within_the_limits_and_show_what_they_induce(tmp_pat
     plain = bearing(tmp_path / "plain", TIGHT)
     specimen = solid_bearing(tmp_path / "solid", "[30.0, 300.0]", TIGHT.replace("3.0", "200.0"))
     specimen = replace(specimen, gaps=specimen.gaps[:1])
-    found = measure(specimen)
-    assert found.played.warmth.max() < 1.0
-    assert found.played.current.max() <= specimen.current.value + 1e-12
+    found = measure_gaps(specimen)
+    assert found.drive_history.warmth.max() < 1.0
+    assert found.drive_history.current.max() <= specimen.max_current.value + 1e-12
     quick = [loop for loop in found.loops.loops if loop.label.endswith("A/s")]
     paces = [
         float(np.max(np.abs(np.diff(loop.input)) / np.diff(loop.time)))
@@ -231,24 +234,30 @@ def test_fast_cycles_are_run_within_the_limits_and_show_what_they_induce(tmp_pat
     ]
     assert len(paces) == 2
     assert max(paces) < 1.2 * 200.0  # noise of the shunt on top of excite.rate_max_A_per_s
-    assert len(found.loops.loops) - 2 == len(measure(replace(plain, gaps=plain.gaps[:1])).loops)
+    assert len(found.loops.loops) - 2 == len(
+        measure_gaps(replace(plain, gaps=plain.gaps[:1])).loops
+    )
     assert any("300" in note and "rate_max" in note for note in found.notes)
-    speeds = speeds_of(found.loops)
+    speeds = group_by_speed(found.loops)
     assert speeds is not None
     assert {loop.label for group in speeds.fast for loop in group} == {one.label for one in quick}
-    assert "rate matters" in rate_line(found.loops)
+    assert "rate matters" in describe_rate(found.loops)
 
 
 def test_the_speed_that_a_set_point_needs_is_that_of_its_force_over_the_slope() -> None:
     specimen = read_specimen(STAGE).specimen
     specimen = replace(specimen, gaps=(0.45e-3,))
-    (place,) = measure(specimen).places
+    (place,) = measure_gaps(specimen).probed_gaps
     # 10 kg, 22 m/s2 in 5.5 ms; force about as the square of the current, a half of 240 N.
     force = 10.0 * 22.0 / 5.5e-3
-    assert place.needed == pytest.approx(force * place.operating / (2.0 * 120.0), rel=0.25)
-    slow = measure(replace(specimen, fast=(20.0,)))
+    assert place.required_rate == pytest.approx(
+        force * place.operating_current / (2.0 * 120.0), rel=0.25
+    )
+    slow = measure_gaps(replace(specimen, fast_rates=(20.0,)))
     assert any("fast_A_per_s" in note for note in slow.notes)
-    assert not any("fast_A_per_s" in note for note in measure(replace(specimen, fast=(2e3,))).notes)
+    assert not any(
+        "fast_A_per_s" in note for note in measure_gaps(replace(specimen, fast_rates=(2e3,))).notes
+    )
 
 
 PIEZO = ROOT / "examples" / "piezo" / "rig.toml"
@@ -271,12 +280,12 @@ def test_a_piezo_stage_is_measured_between_0_v_and_the_end_of_its_amplifier(tmp_
     assert [loop.label for loop in made.loops.loops] == [
         *("major", "reversal", "above", "below", "1500V/s")
     ]
-    drive = made.played.current
+    drive = made.drive_history.current
     assert drive.min() == 0.0
     assert drive.max() == 150.0
-    (place,) = made.places
-    assert place.reached  # the middle of the triangle, 19 um, comes well below 150 V
-    assert 40e-6 < place.force < 50e-6
+    (place,) = made.probed_gaps
+    assert place.is_force_reached  # the middle of the triangle, 19 um, comes well below 150 V
+    assert 40e-6 < place.largest_force < 50e-6
     again = read_loops(tmp_path / "new.csv")
     for loop, first in zip(again.loops, made.loops.loops, strict=True):
         assert loop.history == first.history
@@ -290,12 +299,12 @@ def test_a_piezo_stage_is_measured_between_0_v_and_the_end_of_its_amplifier(tmp_
 def test_what_was_played_is_what_the_stage_felt(tmp_path: Path) -> None:
     path = piezo(tmp_path)
     made, rig = excite(path, tmp_path / "new.csv"), read_piezo_rig(path)
-    whole = rig.motion(made.specimen.sample).run(made.played.current)
+    whole = rig.make_motion(made.specimen.sample_s).run(made.drive_history.current)
     for loop in made.loops.loops:
         assert loop.time is not None
-        begin = int(np.searchsorted(made.played.time, loop.time[0]))
+        begin = int(np.searchsorted(made.drive_history.time, loop.time[0]))
         part = slice(begin, begin + loop.n)
-        assert np.array_equal(made.played.current[part], loop.input)
+        assert np.array_equal(made.drive_history.current[part], loop.input)
         assert np.std(loop.output - whole[part]) == pytest.approx(4e-9, rel=0.1)
 
 

@@ -11,22 +11,22 @@ import numpy as np
 import pytest
 
 from anhyst._core import Coil
-from anhyst.compensate import holding
-from anhyst.compensate.force_controller import twin_of
+from anhyst.compensate import output_drift
+from anhyst.compensate.force_controller import make_twin
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.identification.run import IdentifyTable
-from anhyst.identification.uncertainty import first_rise
-from anhyst.support.errors import CreepWarning
+from anhyst.identification.uncertainty import initial_curve_distance
+from anhyst.support.errors import ReturnPointMemoryWarning
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import TrajectoryCase
-from anhyst_rigs.rig.drift import changed, with_iron
-from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet, identify_rippling
+from anhyst_rigs.rig.drift import change_iron, change_rig
+from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet, identify_magnet_with_ripple
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.study.bearing import experiments
 from anhyst_rigs.study.bearing.responses import compare_steps
-from anhyst_rigs.study.benefit import benefit
+from anhyst_rigs.study.benefit import map_bearing_benefit
 from tests.plant.irons import generator
 from tests.study import bearings
 from tests.study.bearings import GAP
@@ -40,8 +40,8 @@ RATE = 20e3
 @cache
 def rig_of(name: str) -> BodyRig:
     """Return the bearing with an iron; its loops are measured in coarser steps, to be quick."""
-    rig = changed(bearings.example(), {"measurement.sample_s": 0.025})
-    return rig if name == "cells" else changed(rig, {"iron": generator().tables()[name]})
+    rig = change_rig(bearings.example(), {"measurement.sample_s": 0.025})
+    return rig if name == "cells" else change_rig(rig, {"iron": generator().tables()[name]})
 
 
 @cache
@@ -59,31 +59,36 @@ def triangle_error(name: str, variant: MethodName, law: str = "play-cells") -> f
     """Rms of the force error on a triangle of 20 um at 1 Hz, N."""
     slow = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
     setups = {variant: quiet(setup_of(name, variant, law))}
-    found = experiments.of_all(experiments.follow, setups, range(2), slow)[variant]
+    found = experiments.run_variants(experiments.run_trajectory, setups, range(2), slow)[variant]
     assert found.lost == 0
-    return found.of("force_error_rms_N").mean
+    return found.interval("force_error_rms_N").mean
 
 
 @pytest.mark.slow
 def test_where_small_loops_do_not_close_a_stage_takes_a_law_that_forgets_or_says_so() -> None:
     """Play cells leave 3 times as much of the closings of that iron as of noise, and follow its loops best."""
     loops, options = measure_loops(rig_of("duhem-hard")), IdentifyTable()
-    with pytest.warns(CreepWarning, match="law effective-field is taken"):
-        assert identify_rippling(loops, options, lambda _: True).model.law == "effective-field"
-    with pytest.warns(CreepWarning, match="no law follows"):
-        known = identify_rippling(loops, options, lambda _: False)
+    with pytest.warns(ReturnPointMemoryWarning, match="law effective-field is taken"):
+        assert (
+            identify_magnet_with_ripple(loops, options, lambda _: True).model.law
+            == "effective-field"
+        )
+    with pytest.warns(ReturnPointMemoryWarning, match="no law follows"):
+        known = identify_magnet_with_ripple(loops, options, lambda _: False)
     assert known.model.law.startswith("play-cells")
 
 
 @pytest.mark.slow
 def test_an_iron_that_keeps_its_turning_points_is_given_play_cells() -> None:
-    known = identify_rippling(knowledge("preisach-usual").loops, IdentifyTable(), lambda _: True)
+    known = identify_magnet_with_ripple(
+        knowledge("preisach-usual").loops, IdentifyTable(), lambda _: True
+    )
     assert known.model.law.startswith("play-cells")
 
 
 def overshoot(setup: BearingSetup, height: float) -> float:
     (cell,) = compare_steps([setup], [GAP], [height], [150.0], SEEDS, jobs=1)
-    return cell.of("overshoot_percent").mean
+    return cell.interval("overshoot_percent").mean
 
 
 @pytest.mark.slow
@@ -105,7 +110,7 @@ def test_cells_of_narrow_loops_start_near_what_was_measured(law: str) -> None:
     assert known.model.law == "play-cells"
     assert known.model.fit is not None
     assert known.model.fit.rms < 0.0025 * known.model.fit.largest_output
-    assert first_rise(known.model, known.loops) < 0.5
+    assert initial_curve_distance(known.model, known.loops) < 0.5
     make_plan(known.model, CompileRequest("full", "q15", RATE), 0)
     assert triangle_error("duhem-soft", "full", law) < 1.0
 
@@ -113,7 +118,7 @@ def test_cells_of_narrow_loops_start_near_what_was_measured(law: str) -> None:
 @pytest.mark.slow
 def test_what_is_left_of_an_overshoot_is_that_of_the_loop_without_hysteresis() -> None:
     """Where hysteresis damps, a drive that knows none overshoots less than its own loop would."""
-    soft = with_iron(rig_of("cells"), None, 0.02)
+    soft = change_iron(rig_of("cells"), None, 0.02)
     known = identify_magnet(measure_loops(soft), IdentifyTable(law="effective-field"))
     alone = make_setup(soft, bearings.controller().settings, known, "single-valued", "fixed")
     for height in (50e-6, 100e-6):
@@ -130,25 +135,25 @@ def test_noise_of_demand_and_gap_does_not_move_a_force_held_for_a_minute(name: s
     assert plan.block.kind == "cells"
     scales = plan.block.scales
     span = scales.gap_high - scales.gap_low
-    reach = plan.builder.reach
+    reach = plan.builder.output_range
     random = np.random.default_rng(3)
     ticks = round(60.0 * RATE)
     rise = np.concatenate([np.linspace(0.05, 0.95, 2000), np.linspace(0.95, 0.5, 2000)])
     demand, gap = random.standard_normal((2, rise.size + ticks))
-    demand = 0.5 + holding.DEMAND_NOISE * demand
+    demand = 0.5 + output_drift.DEMAND_NOISE * demand
     demand[: rise.size] = rise
-    gap = scales.gap_low + span * (0.5 + holding.GAP_NOISE * gap)
+    gap = scales.gap_low + span * (0.5 + output_drift.GAP_NOISE * gap)
     demand *= float(reach.demand(np.ones(1), np.array([scales.gap_high]))[0])
-    current = twin_of(plan.block, "q31").run(demand, gap)
+    current = make_twin(plan.block, "q31").run(demand, gap)
     force = Coil(rig_of(name).magnet).run(current, gap)[rise.size :, 0]
     second = round(RATE)
-    assert abs(force[-second:].mean() - force[:second].mean()) < 2e-4 * plan.largest
+    assert abs(force[-second:].mean() - force[:second].mean()) < 2e-4 * plan.reference_output
 
 
 @pytest.mark.slow
 def test_the_map_of_another_family_goes_over_its_loop_widths_alone() -> None:
-    rig = changed(rig_of("preisach-usual"), {"loops.law": "play-cells"})
-    found = benefit(rig, bearings.controller(), (1.0, 2.0), heights=(50e-6,), seeds=2)
+    rig = change_rig(rig_of("preisach-usual"), {"loops.law": "play-cells"})
+    found = map_bearing_benefit(rig, bearings.controller(), (1.0, 2.0), heights=(50e-6,), seeds=2)
     assert [cell.iron.reversible_fraction for cell in found.cells] == [None, None]
     narrow, wide = (cell.iron.loop_width for cell in found.cells)
     assert wide > 1.5 * narrow

@@ -17,15 +17,15 @@ from anhyst.compensate.methods import HysteresisInverse
 from anhyst.support.kinds import MethodName
 from anhyst.support.states import Command
 from anhyst_rigs.rig.bearing.loop import BearingSetup
-from anhyst_rigs.rig.loop import DROP, Scenario
+from anhyst_rigs.rig.loop import DROP_SAMPLE_BIT, Scenario
 from anhyst_rigs.rig.recording import (
-    BREAKAWAY,
+    BREAKAWAY_CODE,
     COLUMNS,
-    DESCEND,
-    HOVER,
-    READY,
-    RISE,
-    SET_DOWN,
+    DESCEND_CODE,
+    HOVER_CODE,
+    READY_CODE,
+    RISE_CODE,
+    SET_DOWN_CODE,
     Recording,
 )
 from tests.study import bearings
@@ -40,7 +40,7 @@ def steps(setup: BearingSetup) -> Scenario:
     script = bearings.lifted(setup)
     for gap in (GAP - 50e-6, GAP + 50e-6, GAP):
         script.step(gap, 0.02)
-    script.command(DROP).step(GAP - 20e-6, 0.02)
+    script.command(DROP_SAMPLE_BIT).step(GAP - 20e-6, 0.02)
     script.set_load(310.0).hold(0.02).set_load(150.0).hold(0.1)
     return script.command(Command.LAND).hold(0.3).build()
 
@@ -54,7 +54,7 @@ class Pieces:
         gains = control.gains("fixed")
         assert gains.dtype == np.int32
         self.controller = FixedController(gains.astype(np.int32))
-        drive = setup.compensator.fresh().native
+        drive = setup.compensator.reset_copy().native
         assert isinstance(drive, FixedForceController)
         self.drive = drive
         self.compensator = flashed(setup)
@@ -92,7 +92,7 @@ def flashed(setup: BearingSetup) -> FixedCompensator | None:
 def replay(setup: BearingSetup, recording: Recording) -> Iterator[tuple[int, int, int]]:
     """Yield tick, current code and demand code that the pieces give."""
     pieces = Pieces(setup)
-    controls = (RISE, HOVER, DESCEND)
+    controls = (RISE_CODE, HOVER_CODE, DESCEND_CODE)
     rows = [dict(zip(COLUMNS, row, strict=True)) for row in recording.table.tolist()]
     position, before, current = 0, 0, 0
     for tick, row in enumerate(rows):
@@ -107,7 +107,7 @@ def replay(setup: BearingSetup, recording: Recording) -> Iterator[tuple[int, int
             pieces.demand = pieces.controller.solve(reference, position, 0)
         else:
             pieces.demand = pieces.code(row["demand_N"], "demand")
-        if state in (*controls, BREAKAWAY, SET_DOWN):
+        if state in (*controls, BREAKAWAY_CODE, SET_DOWN_CODE):
             wanted = pieces.drive.solve(pieces.demand, gap, NO_FLUX)
             if pieces.compensator is not None:
                 assert pieces.compensator.solve_q31(pieces.demand, gap) == wanted
@@ -143,7 +143,7 @@ def test_the_pieces_give_every_current_of_the_loop(variant: MethodName) -> None:
     scenario = steps(setup)
     recording = bearings.run(setup, scenario, seed=2)
     assert len(recording) == scenario.ticks
-    assert recording["state"][-1] == READY
+    assert recording["state"][-1] == READY_CODE
     assert {1, 2, 3} & set(recording["flags"]), "no limit was in the way"
     assert np.isnan(recording["gap_read_m"]).sum() == 1
     assert len(set(recording["command_A"])) > 1000
@@ -156,7 +156,7 @@ def test_a_single_step_of_the_encoder_is_noticed() -> None:
     recording = bearings.run_plant(setup, bearings.lifted(setup))
     table = recording.table.copy()
     table[8000, COLUMNS.index("gap_read_m")] += 50e-9
-    assert differs_at(setup, Recording.of_table(table)) == 8000
+    assert differs_at(setup, Recording.from_table(table)) == 8000
     other = bearings.single("simplified")
     assert (
         differs_at(BearingSetup(setup.rig, other.compensator, setup.controller), recording)

@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 
 from anhyst.identification import identify
-from anhyst.identification.space import coordinate_of
+from anhyst.identification.space import coordinate_kind
 from anhyst.model.actuator import Model
 from anhyst.support.errors import NegativeResult
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.study import fleet as whole
 from anhyst_rigs.study.fleet import Fleet, fleet
 from anhyst_rigs.study.fleet_magnets import (
-    RESULT,
+    RESULT_FILE,
     FleetSettings,
     Member,
-    decide,
+    choose_law,
+    evaluate_magnet,
     find_members,
-    judge,
 )
-from anhyst_rigs.study.fleet_spread import MagnetEstimate, spread_of
+from anhyst_rigs.study.fleet_spread import MagnetEstimate, estimate_spread
 from tests.cli.command import quick
 from tests.refusals import refused, says
 from tests.study.fleets import (
@@ -50,13 +50,13 @@ def drawn(count: int, left: float, seed: int) -> list[MagnetEstimate]:
     std = left * np.array([0.1, 3.0])
     correlation = np.array([[1.0, 0.97], [0.97, 1.0]])
     errors = rng.multivariate_normal([0.0, 0.0], correlation * np.outer(std, std), count)
-    return [MagnetEstimate.of(one, std, correlation) for one in true + errors]
+    return [MagnetEstimate.from_uncertainty(one, std, correlation) for one in true + errors]
 
 
 @pytest.mark.first(2)
 @pytest.mark.parametrize("left", [1e-3, 0.5, 1.0])
 def test_mean_and_scatter_are_those_of_the_magnets_not_of_their_loops(left: float) -> None:
-    found = spread_of(drawn(400, left, 3))
+    found = estimate_spread(drawn(400, left, 3))
     assert found.mean == pytest.approx([2.0, -30.0], rel=0.02)
     assert found.scatter == pytest.approx([0.1, 3.0], rel=0.25)
     assert not found.outlier.any()
@@ -66,23 +66,26 @@ def test_what_loops_leave_open_is_taken_from_the_others() -> None:
     rng = np.random.default_rng(5)
     true = 2.0 + 0.1 * rng.standard_normal((60, 1))
     read = true + 0.2 * rng.standard_normal((60, 1))
-    found = spread_of([MagnetEstimate.of(one, [0.2], [[1.0]]) for one in read])
+    found = estimate_spread([MagnetEstimate.from_uncertainty(one, [0.2], [[1.0]]) for one in read])
     assert np.std(found.values - true) < 0.6 * np.std(read - true)
 
 
 def test_outliers_are_named_and_have_no_say() -> None:
     magnets = drawn(30, 0.1, 4)
-    clean = spread_of(magnets)
+    clean = estimate_spread(magnets)
     odd = replace(magnets[0], values=np.array([2.9, -30.0]))
-    found = spread_of([*magnets, odd, odd])
+    found = estimate_spread([*magnets, odd, odd])
     assert list(np.flatnonzero(found.outlier)) == [30, 31]
     assert found.scatter == pytest.approx(clean.scatter, rel=0.1)
 
 
 def test_a_quantity_that_no_loop_determines_moves_nobody() -> None:
     magnets = drawn(20, 0.1, 6)
-    wide = [MagnetEstimate.of([*one.values, 7.0], [0.01, 0.3, np.inf], []) for one in magnets]
-    found = spread_of(wide)
+    wide = [
+        MagnetEstimate.from_uncertainty([*one.values, 7.0], [0.01, 0.3, np.inf], [])
+        for one in magnets
+    ]
+    found = estimate_spread(wide)
     assert np.isfinite(found.mean).all()
     assert not found.outlier.any()
 
@@ -90,8 +93,11 @@ def test_a_quantity_that_no_loop_determines_moves_nobody() -> None:
 def test_a_quantity_at_the_end_of_its_range_is_as_uncertain_as_its_loops_leave_it() -> None:
     # Reversible parts of 0 +- 0.3 beside others of 0.2 +- 0.01: those must not count as exact.
     rng = np.random.default_rng(8)
-    sure = [MagnetEstimate.of([0.2 + 0.01 * one], [0.01], []) for one in rng.standard_normal(12)]
-    found = spread_of([*sure, *[MagnetEstimate.of([0.0], [0.3], [])] * 5])
+    sure = [
+        MagnetEstimate.from_uncertainty([0.2 + 0.01 * one], [0.01], [])
+        for one in rng.standard_normal(12)
+    ]
+    found = estimate_spread([*sure, *[MagnetEstimate.from_uncertainty([0.0], [0.3], [])] * 5])
     assert found.mean == pytest.approx([0.2], rel=0.05)
     assert found.scatter < 0.02
     assert not found.outlier.any()
@@ -117,9 +123,9 @@ def test_a_magnet_is_a_file_or_a_folder(tmp_path: Path) -> None:
 def test_files_that_cannot_be_read_are_told_of_their_magnet(tmp_path: Path) -> None:
     gone = [Member(name, tmp_path / f"{name}.csv") for name in "ab"]
     auto = replace(SETTINGS, law="auto", gap_map="auto")
-    choice = decide(gone, auto, tmp_path, 1)
+    choice = choose_law(gone, auto, tmp_path, 1)
     assert choice.settings == auto
-    result = judge(choice.task(gone[0], auto, tmp_path))
+    result = evaluate_magnet(choice.task(gone[0], auto, tmp_path))
     assert says(result["error"], "cannot-be-read: a.csv")
 
 
@@ -148,12 +154,12 @@ def found(magnets: Path, tmp_path_factory: pytest.TempPathFactory) -> Fleet:
 
 @pytest.mark.slow
 def test_a_fleet_is_judged_and_one_damaged_file_stops_nobody(found: Fleet) -> None:
-    assert [one["name"] for one in found.judged] == ["m00", "m01", "m02", "m03", "odd"]
+    assert [one["name"] for one in found.evaluated] == ["m00", "m01", "m02", "m03", "odd"]
     assert list(found.failed) == ["damaged"]
     assert "damaged.csv: line 2" in found.failed["damaged"]
     # Each with its own controller is good; outputs that differ by 5 % are not, with one for all.
-    assert all(found.good)
-    assert sum(found.good_shared) < 4
+    assert all(found.is_good)
+    assert sum(found.is_good_shared) < 4
     assert found.outliers == ["odd"]
     assert found.typical != "odd"
     assert found.spread is not None
@@ -172,16 +178,16 @@ def test_a_stopped_run_goes_on_and_gives_the_same(
     magnets: Path, found: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = {path: path.read_bytes() for path in found.out.rglob("*.json")}
-    kept = found.out / "m00" / RESULT
+    kept = found.out / "m00" / RESULT_FILE
     stamp = kept.stat().st_mtime_ns
-    (found.out / "m01" / RESULT).unlink()
-    (found.out / "m02" / RESULT).write_text('{"name": "m02"')  # the power went
+    (found.out / "m01" / RESULT_FILE).unlink()
+    (found.out / "m02" / RESULT_FILE).write_text('{"name": "m02"')  # the power went
     again = fleet(magnets, found.out, SETTINGS, jobs=1)
     assert kept.stat().st_mtime_ns == stamp
     # Byte for byte, but for the folders' times in no file: the same files in any order of work.
     assert {path: path.read_bytes() for path in found.out.rglob("*.json")} == before
     assert again.as_dict() == found.as_dict()
-    monkeypatch.setattr(whole, "all_of", lambda *_: [{"name": "a", "error": "broken"}])
+    monkeypatch.setattr(whole, "map_ordered", lambda *_: [{"name": "a", "error": "broken"}])
     with refused("no-magnet-judged", NegativeResult):
         fleet(magnets, found.out, SETTINGS)
 
@@ -202,9 +208,11 @@ def test_magnets_in_the_light_of_their_fleet_are_nearer_to_the_truth() -> None:
         for place, one in enumerate(made)
     ]
     told = [one for one in fits if one is not None]
-    ways = [coordinate_of("effective-field", name) for name in told[0].names]
+    ways = [coordinate_kind("effective-field", name) for name in told[0].names]
     assert ways == ["log", "plain", "asinh", "asinh", "log", "log"]
-    found = spread_of([MagnetEstimate.of(u.values, u.std, u.correlation) for u in told], ways)
+    found = estimate_spread(
+        [MagnetEstimate.from_uncertainty(u.values, u.std, u.correlation) for u in told], ways
+    )
     true = np.array([quantities_of(one) for one in made])
     own = np.array([one.values for one in told])
 
@@ -244,12 +252,14 @@ def test_the_magnets_that_choose_are_identified_once(
     assert (found.settings.law, found.settings.gap_map) == ("effective-field", "reluctance")
     assert count == ["auto", "auto", "auto", "effective-field"]
     before = (out / "m01" / "model.toml").read_bytes()
-    (out / "m01" / RESULT).unlink()  # stopped before it was judged: it is asked again what it was
+    (
+        out / "m01" / RESULT_FILE
+    ).unlink()  # stopped before it was judged: it is asked again what it was
     count.clear()
     again = fleet(tmp_path / "magnets", out, replace(settings, tolerance=0.01), jobs=1)
     assert count == ["auto"]
     assert (out / "m01" / "model.toml").read_bytes() == before
-    assert not any(again.good)  # a tolerance is held against what is known
+    assert not any(again.is_good)  # a tolerance is held against what is known
 
 
 @pytest.mark.slow

@@ -14,22 +14,22 @@ from matplotlib.figure import Figure
 
 from anhyst.cli.app import main
 from anhyst.cli.printing import printer, start_printing
-from anhyst.cli.shared import show
+from anhyst.cli.shared import print_parts
 from anhyst.compensate.block import Block
-from anhyst.compensate.methods import MODELS
+from anhyst.compensate.methods import MODEL_METHODS
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.data import Loops
 from anhyst.model.actuator import Model, read_model
 from anhyst_rigs.link.firmware import build
 from anhyst_rigs.reports import force
-from anhyst_rigs.reports.force import draw, figure_constant_gap, figure_moving, figure_positions
-from anhyst_rigs.reports.studies import lines_of
+from anhyst_rigs.reports.force import draw_all, figure_constant_gap, figure_moving, figure_positions
+from anhyst_rigs.reports.studies import study_output
 from anhyst_rigs.rig.bench.force import run_firmware
 from anhyst_rigs.rig.force import programs
-from anhyst_rigs.rig.force.bench import ActuatorStand, with_lead_in
+from anhyst_rigs.rig.force.bench import ActuatorStand, add_lead_in
 from anhyst_rigs.rig.force.file import read_rig
-from anhyst_rigs.rig.force.programs import Program, Session, ticks_that_differ
-from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
+from anhyst_rigs.rig.force.programs import FirmwareSession, Program, count_differing_ticks
+from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
 from anhyst_rigs.study.force_control import ForceControl, force_control
 from anhyst_rigs.study.force_trials import ForceOutcome, judge_stages, strongest_baselines
 from tests.cli.command import unwrapped
@@ -88,7 +88,7 @@ def run(small: Path, tmp_path_factory: pytest.TempPathFactory) -> ForceControl:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(programs, "identify_loops", known)
         result = force_control(small, tmp_path_factory.mktemp("out") / "run", demand=demand)
-    draw(result)
+    draw_all(result)
     return result
 
 
@@ -98,7 +98,7 @@ def test_the_firmware_does_what_the_simulated_program_does(run: ForceControl) ->
     assert run.figures["firmware_ticks"] > 5_000
     for outcome in run.outcomes:
         for kind in ("full", "simplified"):
-            expected, demand = outcome.simulated[kind], outcome.trial.demand
+            expected, demand = outcome.simulated_force[kind], outcome.trial.demand
             off = (expected - demand.force)[demand.lead_in :]
             assert np.abs(off).max() < (0.4 if kind == "full" else 2.5)
 
@@ -162,11 +162,13 @@ def test_the_verdict_names_the_strongest_baseline(
 ) -> None:
     found = run.figures["verdict"]
     for stage, worst in run.figures["summary"].items():
-        least = min(one["worst_percent"] for name, one in worst.items() if name not in MODELS)
+        least = min(
+            one["worst_percent"] for name, one in worst.items() if name not in MODEL_METHODS
+        )
         assert worst[found["strongest"][stage]]["worst_percent"] == least
     start_printing()
     printer.is_verbose = True
-    show(*lines_of(run, force.printed(run), "run"))
+    print_parts(*study_output(run, force.terminal_summary(run), "run"))
     said = unwrapped(capsys.readouterr().out)
     assert found["text"] in said
     assert "strongest baseline without hysteresis model" in said
@@ -186,7 +188,7 @@ def test_the_verdict_follows_the_errors(full: tuple[float, float], level: str) -
     }
     judged = judge_stages(summary)
     assert judged.level == level
-    assert (WHERE_IT_PAYS["force"] in judged.text) == (level != "yes")
+    assert (BENEFICIAL_CONDITIONS["force"] in judged.text) == (level != "yes")
     assert strongest_baselines(summary) == {"end": "single", "moving": "ratio"}
 
 
@@ -227,8 +229,8 @@ def program_of(run: ForceControl, firmware: Path) -> Program:
     return Program("full", "full", model, block, 1, firmware)
 
 
-def short_session(small: Path, program: Program, board: str) -> Session:
-    demand = with_lead_in("short", np.linspace(0.0, 30.0, 60), 500.0)
+def short_session(small: Path, program: Program, board: str) -> FirmwareSession:
+    demand = add_lead_in("short", np.linspace(0.0, 30.0, 60), 500.0)
     rig = read_rig(small)
     gap = np.full(demand.force.size, 1.0e-3)
     return run_firmware(rig, program, ActuatorStand(rig, [9]), gap, demand, board, True)[1]
@@ -238,13 +240,13 @@ def short_session(small: Path, program: Program, board: str) -> Session:
 def test_a_single_other_code_is_found(run: ForceControl, small: Path) -> None:
     program = program_of(run, run.out / "end" / "full" / "firmware")
     session = short_session(small, program, "library")
-    assert ticks_that_differ(program, session) == 0
+    assert count_differing_ticks(program, session) == 0
     drive = session.drive.copy()
-    drive[session.first + 30] += 1
-    assert ticks_that_differ(program, replace(session, drive=drive)) == 1
+    drive[session.first_run_tick + 30] += 1
+    assert count_differing_ticks(program, replace(session, drive=drive)) == 1
     demand = session.demand.copy()
     demand[-10] += 1 << 20
-    assert ticks_that_differ(program, replace(session, demand=demand)) > 0
+    assert count_differing_ticks(program, replace(session, demand=demand)) > 0
 
 
 @pytest.mark.slow
@@ -255,7 +257,7 @@ def test_an_emulated_controller_does_the_same(
 ) -> None:
     controller = run.out / "end" / "full" / "controller"
     program = program_of(run, build("qemu-mps2", controller, tmp_path / "firmware"))
-    assert ticks_that_differ(program, short_session(small, program, "qemu-mps2")) == 0
+    assert count_differing_ticks(program, short_session(small, program, "qemu-mps2")) == 0
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ import pytest
 
 from anhyst.support.atomic import cache_folder
 from anhyst_rigs.study import bench
-from anhyst_rigs.study.bench import MOST, prepared_once
+from anhyst_rigs.study.bench import MAX_CACHED_BENCHES, prepare_cached
 from anhyst_rigs.study.excite.excite import excite
-from anhyst_rigs.study.prepared import PreparedForce
+from anhyst_rigs.study.prepared_benches import PreparedForce
 from tests.study.measured_rigs import measured_rig
 
 ONE_GAP = """
@@ -36,7 +36,7 @@ class Again(Exception):  # noqa: N818 - nothing went wrong
 def test_the_same_files_are_prepared_once_and_others_anew(
     rig: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with prepared_once(rig, None) as first:
+    with prepare_cached(rig, None) as first:
         assert isinstance(first, PreparedForce)
     assert not first.program.firmware.exists()  # built in a folder that is gone
 
@@ -44,7 +44,7 @@ def test_the_same_files_are_prepared_once_and_others_anew(
         raise Again
 
     monkeypatch.setattr(bench, "prepare_bench", again)
-    with prepared_once(rig, None) as second:
+    with prepare_cached(rig, None) as second:
         assert isinstance(second, PreparedForce)
         assert second.program.block.words.tolist() == first.program.block.words.tolist()
         assert second.program.firmware.is_relative_to(cache_folder("benches"))
@@ -58,15 +58,15 @@ def test_the_same_files_are_prepared_once_and_others_anew(
         file = rig.with_name(changed)
         text = file.read_text(encoding="utf-8")
         file.write_text(f"{text}\n" if changed != "loops.csv" else text[:-1], encoding="utf-8")
-        with pytest.raises(Again), prepared_once(rig, None):
+        with pytest.raises(Again), prepare_cached(rig, None):
             pass
         file.write_text(text, encoding="utf-8")
-    with prepared_once(rig, None):
+    with prepare_cached(rig, None):
         pass
 
     pickled = place / "prepared.pickle"
     pickled.write_bytes(pickled.read_bytes()[:-100])  # half a file is none
-    with pytest.raises(Again), prepared_once(rig, None):
+    with pytest.raises(Again), prepare_cached(rig, None):
         pass
 
 
@@ -75,8 +75,8 @@ def test_a_cache_that_cannot_be_written_is_none_and_a_full_one_forgets(
     rig: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (tmp_path / "cache").write_text("no folder")
-    with prepared_once(rig, None) as prepared:
+    with prepare_cached(rig, None) as prepared:
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
-        for number in range(MOST + 3):
-            bench._keep(prepared, cache_folder("benches") / str(number))
-    assert len(list(cache_folder("benches").iterdir())) == MOST
+        for number in range(MAX_CACHED_BENCHES + 3):
+            bench._store(prepared, cache_folder("benches") / str(number))
+    assert len(list(cache_folder("benches").iterdir())) == MAX_CACHED_BENCHES

@@ -10,14 +10,18 @@ import numpy as np
 import pytest
 
 from anhyst.support.kinds import MethodName
-from anhyst_rigs.rig.calibration import LearntParameter
-from anhyst_rigs.rig.drift import Drift, changed
+from anhyst_rigs.rig.calibration import CalibratedParameter
+from anhyst_rigs.rig.drift import Drift, change_rig
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, track
-from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.rig.stage.setpoint import scan_motion
 from anhyst_rigs.study.tracking.bodies import StageLaw, StageMotion
-from anhyst_rigs.study.tracking.learner import FORGET_S, RATE, Learner
+from anhyst_rigs.study.tracking.estimator import (
+    FORGETTING_TIME_S,
+    MAX_UPDATE_RATE_SIGMA_PER_S,
+    ParameterEstimator,
+)
 from anhyst_rigs.study.tracking.measures import measure
 from anhyst_rigs.study.tracking.motion import Motion
 from anhyst_rigs.study.tracking.simulate import explore_stage
@@ -37,9 +41,9 @@ def motion_of_run(run: Recording, **columns: np.ndarray) -> Motion:
     return StageMotion(stages.stage(), {**run.columns, **columns})
 
 
-def taught(method: MethodName = "full", forget_s: float = FORGET_S) -> Learner:
-    learner = Learner(law(method), forget_s)
-    assert learner.learn(motion_of_run(recorded()))
+def taught(method: MethodName = "full", forget_s: float = FORGETTING_TIME_S) -> ParameterEstimator:
+    learner = ParameterEstimator(law(method), forget_s)
+    assert learner.update(motion_of_run(recorded()))
     return learner
 
 
@@ -50,11 +54,11 @@ def test_an_hour_at_rest_under_a_varying_load_moves_nothing() -> None:
     setup = replace(stages.setup("full"), drift=WRONG)
     rest = motion_of_run(track(setup, gently, Feedforward(), 1, load=load))
     learner = taught()
-    before, known = dict(learner.values), learner.found
+    before, known = dict(learner.estimate), learner.calibration
     for _ in range(round(3600.0 / gently.duration)):
-        assert not learner.learn(rest)
-    assert learner.values == before
-    assert learner.found == known
+        assert not learner.update(rest)
+    assert learner.estimate == before
+    assert learner.calibration == known
 
 
 @pytest.mark.slow
@@ -63,13 +67,13 @@ def test_minutes_of_work_drift_by_less_than_a_tenth_of_what_is_stated() -> None:
     setup = replace(stages.setup("flux"), drift=WRONG)
     runs = [track(setup, training(), Feedforward(), seed) for seed in (1, 2, 3)]
     scans = [motion_of_run(run) for run in runs]
-    learner = Learner(law("flux"), FORGET_S)
+    learner = ParameterEstimator(law("flux"), FORGETTING_TIME_S)
     for number in range(300):
-        learner.learn(scans[number % 3])
-    settled, known = dict(learner.values), learner.found
+        learner.update(scans[number % 3])
+    settled, known = dict(learner.estimate), learner.calibration
     for number in range(600):
-        learner.learn(scans[number % 3])
-    for one, now in zip(known.parameter, learner.found.parameter, strict=True):
+        learner.update(scans[number % 3])
+    for one, now in zip(known.parameter, learner.calibration.parameter, strict=True):
         assert abs(now.value - settled[now.name]) < 0.1 * one.prior
         assert now.sigma <= one.sigma <= one.prior
 
@@ -105,11 +109,11 @@ def test_after_a_fault_of_a_sensor_nothing_is_learnt(
     column: str, fault: Callable[[np.ndarray], np.ndarray]
 ) -> None:
     learner = taught()
-    before = dict(learner.values)
-    assert not learner.learn(motion_of_run(recorded(), **{column: fault(recorded()[column])}))
-    assert learner.refused == 1
-    assert learner.values == before
-    assert learner.learn(motion_of_run(recorded()))  # and goes on afterwards
+    before = dict(learner.estimate)
+    assert not learner.update(motion_of_run(recorded(), **{column: fault(recorded()[column])}))
+    assert learner.rejected_count == 1
+    assert learner.estimate == before
+    assert learner.update(motion_of_run(recorded()))  # and goes on afterwards
 
 
 @pytest.mark.parametrize(
@@ -130,24 +134,24 @@ def test_a_fault_that_hardly_shows_moves_no_number_by_a_fifth_of_what_is_stated(
 ) -> None:
     """The same motion without the fault, taken in a second time, moves numbers as well."""
     learner, right = taught(), taught()
-    learner.learn(motion_of_run(recorded(), **{column: fault(recorded()[column])}))
-    right.learn(motion_of_run(recorded()))
-    for name, value in learner.values.items():
-        assert abs(value - right.values[name]) <= 0.2 * learner.priors[name], name
+    learner.update(motion_of_run(recorded(), **{column: fault(recorded()[column])}))
+    right.update(motion_of_run(recorded()))
+    for name, value in learner.estimate.items():
+        assert abs(value - right.estimate[name]) <= 0.2 * learner.prior_sigma[name], name
 
 
-def heavier(learner: Learner, part: float) -> bool:
+def heavier(learner: ParameterEstimator, part: float) -> bool:
     setup = replace(stages.setup("full"), drift=replace(WRONG, mass=part))
-    return learner.learn(motion_of_run(track(setup, training(), Feedforward(), 1)))
+    return learner.update(motion_of_run(track(setup, training(), Feedforward(), 1)))
 
 
 def test_a_payload_is_refused_and_its_mass_is_found_closer_where_the_stage_was_known() -> None:
-    new, known = Learner(law("full")), taught()
+    new, known = ParameterEstimator(law("full")), taught()
     for learner, off in ((new, 0.1), (known, 0.03)):
         assert not heavier(learner, 0.05)
-        assert learner.found.mass_kg == pytest.approx(10.5, abs=off)
-    assert not new.found.taken
-    assert known.values == taught().values
+        assert learner.calibration.mass_kg == pytest.approx(10.5, abs=off)
+    assert not new.calibration.is_applied
+    assert known.estimate == taught().estimate
 
 
 @pytest.mark.slow
@@ -155,15 +159,15 @@ def test_a_payload_is_refused_and_its_mass_is_found_closer_where_the_stage_was_k
 def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(
     method: MethodName,
 ) -> None:
-    rig = changed(read_stage(stages.EXAMPLE / "rig.toml"), ALLOWED)
+    rig = change_rig(read_stage(stages.EXAMPLE / "rig.toml"), ALLOWED)
     law = StageLaw(rig, bearings.knowledge(), method)
-    learner = Learner(law)
+    learner = ParameterEstimator(law)
     drift = replace(WRONG, mass=0.05, cable=60.0)
-    own, gains, scan = learner.stage(drift), Feedforward(), rig.settings.scan
-    run = track(own, motion_of(scan, scan.train_m_per_s2), gains, 1)
-    assert learner.learn(StageMotion(rig, run.columns))
-    found = learner.found
-    learnt: dict[str, LearntParameter] = {one.name: one for one in found.parameter}
+    own, gains, scan = learner.corrected_stage(drift), Feedforward(), rig.settings.scan
+    run = track(own, scan_motion(scan, scan.train_m_per_s2), gains, 1)
+    assert learner.update(StageMotion(rig, run.columns))
+    found = learner.calibration
+    learnt: dict[str, CalibratedParameter] = {one.name: one for one in found.parameter}
     assert found.fits
     for name, true in (("payload", 0.05), ("cable_N_per_m", 60.0)):
         off = abs(learnt[name].value - true)
@@ -171,17 +175,17 @@ def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(
     motion = stages.unseen(rig)
     before, after = (
         measure(track(stage, motion, gains, 3), motion, scan.slit_s).average_m
-        for stage in (own, law.stage(found, drift))
+        for stage in (own, law.corrected_stage(found, drift))
     )
     assert after < 0.2 * before
 
 
 def test_without_a_payload_hardly_one_is_found_and_short_ways_say_little_of_a_cable() -> None:
-    rig = changed(stages.stage(), ALLOWED)
-    learner = Learner(StageLaw(rig, bearings.knowledge(), "full"))
-    assert learner.learn(StageMotion(rig, recorded().columns))
-    assert abs(learner.values["payload"]) < 0.015
-    found = {one.name: one for one in learner.found.parameter}
+    rig = change_rig(stages.stage(), ALLOWED)
+    learner = ParameterEstimator(StageLaw(rig, bearings.knowledge(), "full"))
+    assert learner.update(StageMotion(rig, recorded().columns))
+    assert abs(learner.estimate["payload"]) < 0.015
+    found = {one.name: one for one in learner.calibration.parameter}
     cable = found["cable_N_per_m"]
     assert cable.sigma > 0.5 * cable.prior
     assert abs(cable.value) < cable.sigma
@@ -192,13 +196,16 @@ def test_without_a_payload_hardly_one_is_found_and_short_ways_say_little_of_a_ca
 def test_what_is_applied_follows_at_a_bounded_rate() -> None:
     learner = taught()
     seconds, ticks = 0.05, 0
-    while learner.applied != learner.values and ticks < 200:
-        before = dict(learner.applied)
-        learner.step(seconds)
+    while learner.applied_values != learner.estimate and ticks < 200:
+        before = dict(learner.applied_values)
+        learner.follow_estimate(seconds)
         ticks += 1
-        for name, value in learner.applied.items():
+        for name, value in learner.applied_values.items():
             grid = 0.0025 if name == "width" else 1e-12
-            assert abs(value - before[name]) <= RATE * learner.priors[name] * seconds + grid
+            assert (
+                abs(value - before[name])
+                <= MAX_UPDATE_RATE_SIGMA_PER_S * learner.prior_sigma[name] * seconds + grid
+            )
     assert 1 < ticks < 200
 
 
@@ -207,15 +214,17 @@ def test_old_motions_count_less_and_no_number_leaves_its_bounds() -> None:
         setup = replace(stages.setup("flux"), drift=Drift(flux_gain=gain))
         return motion_of_run(track(setup, training(), Feedforward(), 1))
 
-    forgetful, patient, fresh = (Learner(law("flux"), seconds) for seconds in (0.5, np.inf, np.inf))
+    forgetful, patient, fresh = (
+        ParameterEstimator(law("flux"), seconds) for seconds in (0.5, np.inf, np.inf)
+    )
     for learner in (forgetful, patient):
-        assert learner.learn(run(0.0055))
-        assert learner.learn(run(0.005))
-    fresh.learn(run(0.005))
-    off = [abs(one.values["scale_1"] - fresh.values["scale_1"]) for one in (forgetful, patient)]
+        assert learner.update(run(0.0055))
+        assert learner.update(run(0.005))
+    fresh.update(run(0.005))
+    off = [abs(one.estimate["scale_1"] - fresh.estimate["scale_1"]) for one in (forgetful, patient)]
     assert off[0] < off[1]
     for learner in (forgetful, patient):
-        for one in learner.found.parameter:
+        for one in learner.calibration.parameter:
             assert one.sigma <= one.prior
             assert abs(one.value) <= 4.0 * one.prior
 
@@ -225,15 +234,18 @@ def test_a_stage_that_calibrates_itself_says_what_it_learnt_and_works_better() -
     magnet = bearings.knowledge()
     plain = explore_stage(stages.stage(), magnet, ("full", "single-valued"))
     own = explore_stage(stages.stage(calibrate=True), magnet, ("full", "single-valued"))
-    learnt = own.tried["full"].learnt
+    learnt = own.variants["full"].calibration
     assert learnt is not None
-    assert learnt.taken
+    assert learnt.is_applied
     assert own.as_dict()["variants"]["full"]["learnt"]["name"] == "full"
-    assert plain.tried["full"].learnt is None
-    assert own.tried["full"].of("force_rms_N").mean < plain.tried["full"].of("force_rms_N").mean
-    curve = own.tried["single-valued"]
-    assert curve.learnt is not None
-    assert not curve.learnt.taken
+    assert plain.variants["full"].calibration is None
+    assert (
+        own.variants["full"].interval("force_rms_N").mean
+        < plain.variants["full"].interval("force_rms_N").mean
+    )
+    curve = own.variants["single-valued"]
+    assert curve.calibration is not None
+    assert not curve.calibration.is_applied
 
 
 def test_calibrating_begins_without_a_calibration_and_with_a_fast_amplifier() -> None:
@@ -241,6 +253,6 @@ def test_calibrating_begins_without_a_calibration_and_with_a_fast_amplifier() ->
     with refused("not-both: control.calibration"):
         explore_stage(both, bearings.knowledge())
     slow = stages.stage(calibrate=True)
-    settings = slow.settings.changed({"amplifier.bandwidth_Hz": 1000.0})
+    settings = slow.settings.with_changes({"amplifier.bandwidth_Hz": 1000.0})
     with refused("amplifier-too-slow: amplifier.bandwidth_Hz"):
         explore_stage(replace(slow, settings=settings), bearings.knowledge())

@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.study.bearing.experiments import limit_cycle, lowest_frequency
+from anhyst_rigs.study.bearing.experiments import find_limit_cycle, min_detectable_frequency
 
 RATE = 20e3
 T = np.arange(round(1.0 * RATE)) / RATE
@@ -26,13 +26,13 @@ def noise(rng: np.random.Generator, damping: float) -> Row:
 @pytest.mark.parametrize("damping", [0.1, 0.3])
 def test_resonant_noise_is_no_cycle(damping: float) -> None:
     rng = np.random.default_rng(4)
-    found = [limit_cycle(T, 0.45e-3 + noise(rng, damping)) for _ in range(60)]
+    found = [find_limit_cycle(T, 0.45e-3 + noise(rng, damping)) for _ in range(60)]
     assert sum(cycle is not None for cycle in found) <= 1
 
 
 def test_white_noise_is_no_cycle() -> None:
     rng = np.random.default_rng(4)
-    rows = [limit_cycle(T, 10e-9 * rng.standard_normal(len(T))) for _ in range(60)]
+    rows = [find_limit_cycle(T, 10e-9 * rng.standard_normal(len(T))) for _ in range(60)]
     assert rows == [None] * 60
 
 
@@ -40,11 +40,11 @@ def test_white_noise_is_no_cycle() -> None:
 def test_a_cycle_in_noise_is_measured(frequency: float) -> None:
     rng = np.random.default_rng(6)
     wave = 20e-9 * np.sin(2 * np.pi * frequency * T + 1.0)
-    cycle = limit_cycle(T, 0.45e-3 + wave + noise(rng, 0.2))
+    cycle = find_limit_cycle(T, 0.45e-3 + wave + noise(rng, 0.2))
     assert cycle is not None
     assert cycle.period == pytest.approx(1.0 / frequency, rel=2e-3)
     assert cycle.amplitude == pytest.approx(20e-9, rel=0.15)
-    assert cycle.share == pytest.approx(2.0 / 3.0, abs=0.15)
+    assert cycle.variance_share == pytest.approx(2.0 / 3.0, abs=0.15)
 
 
 def test_a_cycle_whose_phase_wanders_is_found() -> None:
@@ -54,28 +54,28 @@ def test_a_cycle_whose_phase_wanders_is_found() -> None:
         phase = np.cumsum(rng.standard_normal(len(T))) * np.sqrt(4.0 / RATE)
         assert np.ptp(phase) > 1.0
         wave = 30e-9 * np.sin(2 * np.pi * 137.3 * T + phase)
-        found += limit_cycle(T, wave + noise(rng, 0.3)) is not None
+        found += find_limit_cycle(T, wave + noise(rng, 0.3)) is not None
     assert found >= 18
 
 
 def test_sawtooth_hunting_without_noise_is_found() -> None:
-    cycle = limit_cycle(T, 100e-9 * signal.sawtooth(2 * np.pi * 40.3 * T, 0.5))
+    cycle = find_limit_cycle(T, 100e-9 * signal.sawtooth(2 * np.pi * 40.3 * T, 0.5))
     assert cycle is not None
     assert cycle.period == pytest.approx(1.0 / 40.3, rel=1e-3)
     assert cycle.amplitude == pytest.approx(100e-9 * 8.0 / np.pi**2, rel=0.01)
 
 
 def test_settling_and_drift_are_no_cycles() -> None:
-    assert limit_cycle(T, 1e-6 * np.exp(-T / 0.05)) is None
-    assert limit_cycle(T, 1e-6 * T) is None
+    assert find_limit_cycle(T, 1e-6 * np.exp(-T / 0.05)) is None
+    assert find_limit_cycle(T, 1e-6 * T) is None
 
 
 def test_what_is_smaller_than_the_floor_does_not_count() -> None:
     wave = 0.5e-9 * np.sin(2 * np.pi * 137.3 * T)
-    assert limit_cycle(T, wave) is None
-    assert limit_cycle(T, wave, floor=0.1e-9) is not None
+    assert find_limit_cycle(T, wave) is None
+    assert find_limit_cycle(T, wave, min_amplitude=0.1e-9) is not None
 
 
 def test_what_is_too_slow_for_the_record_is_not_judged() -> None:
-    assert lowest_frequency(1.0) == pytest.approx(30.0)
-    assert limit_cycle(T, 100e-9 * np.sin(2 * np.pi * 11.0 * T)) is None
+    assert min_detectable_frequency(1.0) == pytest.approx(30.0)
+    assert find_limit_cycle(T, 100e-9 * np.sin(2 * np.pi * 11.0 * T)) is None

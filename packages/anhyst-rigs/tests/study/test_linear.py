@@ -13,18 +13,18 @@ from scipy.signal import cont2discrete
 
 from anhyst.control import Pidd2, design, to_control
 from anhyst_rigs.study.bearing.linear import (
-    Chain,
+    AnalogueAmplifier,
     Compensation,
-    CurrentLoop,
     DigitalAmplifier,
+    LinearBearing,
     LinearLoop,
-    Point,
-    sampled,
+    LoopTiming,
+    discretise,
 )
 
 RATE = 20e3
 # The example bearing: 80 Hz of unstable pole.
-POINT = Point(
+POINT = LinearBearing(
     mass=2.0,
     k_i=123.0,
     k_s=2.0 * (2.0 * math.pi * 80.0) ** 2,
@@ -33,7 +33,9 @@ POINT = Point(
     damping=3.0,
 )
 # Follows its reference as a lag of 2500 Hz.
-AMPLIFIER = CurrentLoop(gain=2.0 * math.pi * 2500.0 * 20e-3, reset=2.0 * math.pi * 2500.0 * 1.2)
+AMPLIFIER = AnalogueAmplifier(
+    gain=2.0 * math.pi * 2500.0 * 20e-3, integral_gain=2.0 * math.pi * 2500.0 * 1.2
+)
 CONTROLLER = Pidd2(
     rate=RATE,
     **vars(design(2.0, 120.0, 1.0, virtual_mass=0.2)),
@@ -42,7 +44,7 @@ CONTROLLER = Pidd2(
     weight=0.3,
 )
 LOOP = LinearLoop(
-    POINT, AMPLIFIER, Chain(RATE, 1.0, 5e3), CONTROLLER, Compensation(POINT.k_i, POINT.k_s)
+    POINT, AMPLIFIER, LoopTiming(RATE, 1.0, 5e3), CONTROLLER, Compensation(POINT.k_i, POINT.k_s)
 )
 FREQUENCIES = np.geomspace(1.0, 9.9e3, 60)
 
@@ -50,26 +52,26 @@ FREQUENCIES = np.geomspace(1.0, 9.9e3, 60)
 def by_python_control(loop: LinearLoop) -> tuple[Any, Any]:
     """Two factors of the loop gain with whole ticks of delay, from block diagrams."""
     s = control.TransferFunction([1.0, 0.0], [1.0])
-    point, amplifier = loop.point, loop.amplifier
+    point, amplifier = loop.bearing, loop.amplifier
     mechanics = 1.0 / (point.mass * s**2 + point.damping * s - point.k_s)
     winding = 1.0 / (point.inductance * s + point.resistance)
     force = control.feedback(winding * point.k_i, mechanics * s * point.k_i) / point.k_i
-    current = control.feedback((amplifier.gain + amplifier.reset / s) * force)
-    lag = 2.0 * math.pi * loop.chain.sensor_bandwidth
+    current = control.feedback((amplifier.gain + amplifier.integral_gain / s) * force)
+    lag = 2.0 * math.pi * loop.timing.sensor_bandwidth
     read = control.minreal(current * point.k_i * mechanics * lag / (s + lag), 1e-6, verbose=False)
-    held = control.sample_system(control.tf2ss(read), 1.0 / loop.chain.rate, "zoh")
-    wait = control.TransferFunction([1.0], [1.0] + [0.0] * round(loop.chain.delay_ticks), held.dt)
+    held = control.sample_system(control.tf2ss(read), 1.0 / loop.timing.rate, "zoh")
+    wait = control.TransferFunction([1.0], [1.0] + [0.0] * round(loop.timing.delay_ticks), held.dt)
     own = -to_control(loop.controller)[0, 1] + loop.compensation.k_s
     return held, wait * own / loop.compensation.k_i
 
 
 @pytest.mark.parametrize("delay", [0.0, 1.0, 3.0])
 def test_the_loop_gain_is_that_of_python_control(delay: float) -> None:
-    loop = replace(LOOP, chain=replace(LOOP.chain, delay_ticks=delay))
+    loop = replace(LOOP, timing=replace(LOOP.timing, delay_ticks=delay))
     held, rest = by_python_control(loop)
     z = np.exp(2j * np.pi * FREQUENCIES / RATE)
     expected = held(z) * rest(z)
-    assert np.max(np.abs(loop.response(FREQUENCIES) / expected - 1.0)) < 1e-6
+    assert np.max(np.abs(loop.loop_gain(FREQUENCIES) / expected - 1.0)) < 1e-6
 
 
 def test_the_poles_are_those_of_python_control() -> None:
@@ -77,7 +79,7 @@ def test_the_poles_are_those_of_python_control() -> None:
     expected = np.abs(control.feedback(held * control.tf2ss(rest)).poles())
     found = np.abs(LOOP.poles)
     assert np.max(found) == pytest.approx(np.max(expected), abs=1e-7)
-    assert LOOP.stable
+    assert LOOP.is_stable
     assert len(found) == len(expected)
 
 
@@ -96,7 +98,7 @@ def test_margins_are_those_of_python_control() -> None:
 @pytest.mark.parametrize("delay", [0.25, 0.5, 1.25, 2.75])
 def test_a_part_of_a_tick_of_delay_is_exact(delay: float) -> None:
     fine = 4
-    loop = replace(LOOP, chain=replace(LOOP.chain, delay_ticks=delay))
+    loop = replace(LOOP, timing=replace(LOOP.timing, delay_ticks=delay))
     a, b, c = loop.plant
     commands = np.random.default_rng(1).standard_normal(40)
     state, found = np.zeros(len(b)), []
@@ -104,7 +106,9 @@ def test_a_part_of_a_tick_of_delay_is_exact(delay: float) -> None:
         found.append(float(c @ state))
         state = a @ state + b * command
     small_a, small_b, small_c = replace(
-        LOOP, chain=Chain(RATE * fine, 0.0, 5e3), controller=replace(CONTROLLER, rate=RATE * fine)
+        LOOP,
+        timing=LoopTiming(RATE * fine, 0.0, 5e3),
+        controller=replace(CONTROLLER, rate=RATE * fine),
     ).plant
     late = np.concatenate([np.zeros(round(delay * fine)), np.repeat(commands, fine)])
     state, expected = np.zeros(len(small_b)), []
@@ -118,16 +122,16 @@ def test_a_part_of_a_tick_of_delay_is_exact(delay: float) -> None:
 
 def test_the_magnet_is_unstable_at_the_pole_of_its_stiffness() -> None:
     free = replace(POINT, damping=0.0)
-    assert free.pole_at_current == pytest.approx(80.0)
-    damped = 2.0 * math.pi * POINT.pole_at_current
+    assert free.current_drive_pole == pytest.approx(80.0)
+    damped = 2.0 * math.pi * POINT.current_drive_pole
     assert POINT.mass * damped**2 + POINT.damping * damped == pytest.approx(POINT.k_s)
 
 
 def test_a_winding_at_constant_voltage_slows_the_pole_down() -> None:
-    s = 2.0 * math.pi * POINT.pole_at_voltage
+    s = 2.0 * math.pi * POINT.voltage_drive_pole
     motion = POINT.mass * s**2 + POINT.damping * s - POINT.k_s
     assert motion * (POINT.inductance * s + POINT.resistance) == pytest.approx(-(POINT.k_i**2) * s)
-    assert 0.0 < POINT.pole_at_voltage < POINT.pole_at_current
+    assert 0.0 < POINT.voltage_drive_pole < POINT.current_drive_pole
 
 
 def test_a_symmetric_pair_is_one_magnet_with_everything_added_up() -> None:
@@ -142,7 +146,7 @@ def test_a_symmetric_pair_is_one_magnet_with_everything_added_up() -> None:
     )
     one = replace(POINT, k_i=2 * k, k_s=2 * POINT.k_s, inductance=2 * L, resistance=2 * R)
     expected = np.max(np.linalg.eigvals(pair).real) / (2.0 * math.pi)
-    assert one.pole_at_voltage == pytest.approx(expected)
+    assert one.voltage_drive_pole == pytest.approx(expected)
 
 
 def test_behind_an_ideal_magnet_the_poles_are_those_of_the_design() -> None:
@@ -150,8 +154,8 @@ def test_behind_an_ideal_magnet_the_poles_are_those_of_the_design() -> None:
     gains = design(2.0, 120.0, 0.6)
     loop = LinearLoop(
         replace(POINT, damping=0.0),
-        CurrentLoop(2.0 * math.pi * 50e3 * 20e-3, 2.0 * math.pi * 50e3 * 1.2),
-        Chain(rate, 0.0),
+        AnalogueAmplifier(2.0 * math.pi * 50e3 * 20e-3, 2.0 * math.pi * 50e3 * 1.2),
+        LoopTiming(rate, 0.0),
         Pidd2(rate=rate, **vars(gains)),
         Compensation(POINT.k_i, POINT.k_s),
     )
@@ -173,15 +177,15 @@ def test_the_loop_turns_unstable_where_the_margins_say(compensation: Compensatio
     margins = loop.margins
     assert margins.stable
     for factor, outwards in ((margins.gain_up, 1.001), (margins.gain_down, 1.0 / 1.001)):
-        assert scaled(loop, factor / outwards).stable
-        assert not scaled(loop, factor * outwards).stable
+        assert scaled(loop, factor / outwards).is_stable
+        assert not scaled(loop, factor * outwards).is_stable
 
 
 def test_more_delay_than_the_margin_is_unstable() -> None:
     ticks = LOOP.margins.delay * RATE
     for share, stable in ((0.97, True), (1.03, False)):
-        later = replace(LOOP.chain, delay_ticks=1.0 + share * ticks)
-        assert replace(LOOP, chain=later).stable is stable
+        later = replace(LOOP.timing, delay_ticks=1.0 + share * ticks)
+        assert replace(LOOP, timing=later).is_stable is stable
 
 
 def test_the_peak_is_not_missed_between_the_points_of_a_grid() -> None:
@@ -193,10 +197,10 @@ def test_the_peak_is_not_missed_between_the_points_of_a_grid() -> None:
 
 def test_without_a_controller_the_magnet_falls() -> None:
     loop = replace(LOOP, controller=Pidd2(rate=RATE, K_p=0.0), compensation=Compensation(123.0))
-    assert not loop.stable
+    assert not loop.is_stable
     s = math.log(float(np.max(np.abs(loop.poles)))) * RATE
     # The amplifier lets motion change the current a little, which slows the fall down.
-    assert 0.95 * POINT.pole_at_current < s / (2.0 * math.pi) < POINT.pole_at_current
+    assert 0.95 * POINT.current_drive_pole < s / (2.0 * math.pi) < POINT.current_drive_pole
     winding = (POINT.inductance * s + POINT.resistance) * (s + 2.0 * math.pi * 2500.0)
     brake = POINT.k_i**2 * s**2 / winding
     assert POINT.mass * s**2 + POINT.damping * s - POINT.k_s == pytest.approx(-brake, rel=1e-6)
@@ -207,7 +211,7 @@ def test_parts_that_are_not_used_add_no_poles(changes: dict[str, float]) -> None
     loop = replace(LOOP, controller=replace(CONTROLLER, **changes))
     held, rest = by_python_control(loop)
     z = np.exp(2j * np.pi * FREQUENCIES / RATE)
-    assert np.max(np.abs(loop.response(FREQUENCIES) / (held(z) * rest(z)) - 1.0)) < 1e-6
+    assert np.max(np.abs(loop.loop_gain(FREQUENCIES) / (held(z) * rest(z)) - 1.0)) < 1e-6
     assert len(loop.poles) < len(LOOP.poles)
 
 
@@ -217,7 +221,7 @@ def test_a_controller_of_another_rate_is_refused() -> None:
 
 
 def test_sampling_of_the_plant_agrees_with_scipy() -> None:
-    loop = replace(LOOP, chain=Chain(RATE, 0.0))
+    loop = replace(LOOP, timing=LoopTiming(RATE, 0.0))
     a, _, c = loop.plant
     k = POINT
     amplifier = AMPLIFIER
@@ -231,16 +235,16 @@ def test_sampling_of_the_plant_agrees_with_scipy() -> None:
                 -(k.resistance + amplifier.gain) / k.inductance,
                 1.0 / k.inductance,
             ],
-            [0.0, 0.0, -amplifier.reset, 0.0],
+            [0.0, 0.0, -amplifier.integral_gain, 0.0],
         ]
     )
-    into = np.array([[0.0], [0.0], [amplifier.gain / k.inductance], [amplifier.reset]])
+    into = np.array([[0.0], [0.0], [amplifier.gain / k.inductance], [amplifier.integral_gain]])
     expected = cont2discrete((motion, into, np.eye(1, 4), np.zeros((1, 1))), 1.0 / RATE)
     assert a == pytest.approx(expected[0], rel=1e-9, abs=1e-12)
     assert c == pytest.approx(expected[2][0])
 
 
-def in_laplace(point: Point, amplifier: CurrentLoop, s: complex) -> complex:
+def in_laplace(point: LinearBearing, amplifier: AnalogueAmplifier, s: complex) -> complex:
     """Position for each ampere of the reference, from the equations as they are written down."""
     tau = point.eddy_time
     # Unknown: position, i_m, current, voltage, flux linkage.
@@ -256,10 +260,10 @@ def in_laplace(point: Point, amplifier: CurrentLoop, s: complex) -> complex:
             [point.k_i, point.inductance, 0.0, 0.0, -1.0],
             [0.0, 0.0, point.resistance, -1.0, s],
             [0.0, 1.0, -1.0, 0.0, tau / point.inductance * s],
-            [0.0, 0.0, amplifier.gain + amplifier.reset / s, 1.0, 0.0],
+            [0.0, 0.0, amplifier.gain + amplifier.integral_gain / s, 1.0, 0.0],
         ]
     )
-    known = np.array([0.0, 0.0, 0.0, 0.0, amplifier.gain + amplifier.reset / s])
+    known = np.array([0.0, 0.0, 0.0, 0.0, amplifier.gain + amplifier.integral_gain / s])
     return complex(np.linalg.solve(equations, known)[0])
 
 
@@ -267,8 +271,8 @@ def in_laplace(point: Point, amplifier: CurrentLoop, s: complex) -> complex:
 def test_the_plant_follows_its_equations(eddy_time: float) -> None:
     rate = 1e6
     point = replace(POINT, eddy_time=eddy_time)
-    amplifier = CurrentLoop(300.0, 5e4)
-    a, b, c = sampled(point, amplifier, Chain(rate, 0.0))
+    amplifier = AnalogueAmplifier(300.0, 5e4)
+    a, b, c = discretise(point, amplifier, LoopTiming(rate, 0.0))
     for frequency in (3.0, 40.0, 500.0, 4000.0):
         s = 2j * math.pi * frequency
         z = np.exp(s / rate)
@@ -279,10 +283,12 @@ def test_the_plant_follows_its_equations(eddy_time: float) -> None:
 
 def test_a_digital_current_controller_computes_once_a_tick() -> None:
     """Against the same law in a loop over the ticks, around the plant of a voltage."""
-    digital = DigitalAmplifier(feed=1.1, gain=150.0, reset=8.0, sensor_bandwidth=10e3)
-    chain = Chain(RATE, 1.25, 5e3)
+    digital = DigitalAmplifier(
+        feedforward=1.1, gain=150.0, integral_gain=8.0, sensor_bandwidth=10e3
+    )
+    chain = LoopTiming(RATE, 1.25, 5e3)
     point, fine = replace(POINT, eddy_time=50e-6), 4
-    a, b, c = sampled(point, digital, chain)
+    a, b, c = discretise(point, digital, chain)
     references = np.random.default_rng(2).standard_normal(50)
     state, found = np.zeros(len(b)), []
     for reference in references:
@@ -303,8 +309,8 @@ def test_a_digital_current_controller_computes_once_a_tick() -> None:
     for reference in references:
         expected.append(float(state[3]))
         error = reference - float(state[4])
-        voltage = digital.feed * reference + digital.gain * error + integral
-        integral += digital.reset * error
+        voltage = digital.feedforward * reference + digital.gain * error + integral
+        integral += digital.integral_gain * error
         for _ in range(fine):
             line.append(voltage)
             state = over @ state + by[:, 0] * line.pop(0)
@@ -313,4 +319,6 @@ def test_a_digital_current_controller_computes_once_a_tick() -> None:
 
 def test_a_current_that_jumps_with_the_voltage_must_be_read_through_a_lag() -> None:
     with pytest.raises(ValueError, match="through a lag"):
-        sampled(replace(POINT, eddy_time=1e-4), DigitalAmplifier(1.2, 100.0, 1.0), Chain(RATE, 1.0))
+        discretise(
+            replace(POINT, eddy_time=1e-4), DigitalAmplifier(1.2, 100.0, 1.0), LoopTiming(RATE, 1.0)
+        )

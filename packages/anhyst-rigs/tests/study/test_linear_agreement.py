@@ -19,14 +19,14 @@ from anhyst_rigs.rig.bearing.loop import BearingSetup, operating_point
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig, read_bearing
 from anhyst_rigs.rig.loop import SimulatedLoop as Running
-from anhyst_rigs.rig.plant import current_gains
+from anhyst_rigs.rig.plant import current_controller_gains
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing.linear import (
-    Chain,
+    AnalogueAmplifier,
     Compensation,
-    CurrentLoop,
     DigitalAmplifier,
     LinearLoop,
+    LoopTiming,
 )
 from anhyst_rigs.study.bearing.operating import find_operating_point
 from anhyst_rigs.study.bearing.responses import measure_sensitivity
@@ -57,17 +57,17 @@ def linear_loop(
     rig: BodyRig, controller: Pidd2, drive: Mapping[str, float], eddy_time: float
 ) -> LinearLoop:
     """Put the loop together from the rig's numbers."""
-    gain, reset = current_gains(rig)
+    gain, reset = current_controller_gains(rig)
     bandwidth = rig.settings.current_sensor.bandwidth_Hz
     amplifier = (
-        CurrentLoop(gain, reset)
+        AnalogueAmplifier(gain, reset)
         if rig.settings.amplifier.mode == "current"
         else DigitalAmplifier(1.2, gain, reset * rig.dt, bandwidth)
     )
     return LinearLoop(
-        replace(find_operating_point(rig).point, eddy_time=eddy_time),
+        replace(find_operating_point(rig).bearing, eddy_time=eddy_time),
         amplifier,
-        Chain(controller.rate, 1.0, rig.settings.gap_sensor.bandwidth_Hz),
+        LoopTiming(controller.rate, 1.0, rig.settings.gap_sensor.bandwidth_Hz),
         controller,
         Compensation(drive["k_i_N_per_A"], drive["k_s_N_per_m"]),
     )
@@ -91,6 +91,6 @@ def test_the_sensitivity_of_both_is_one(tmp_path: Path, mode: str, eddy_time: fl
 
     rate = rig.settings.timing.rate_Hz
     found = measure_sensitivity(run, FREQUENCIES, 2e-6, rate)
-    linear = linear_loop(rig, controller.pidd2(), drive.parameters.numbers, eddy_time)
+    linear = linear_loop(rig, controller.pidd2(), drive.parameters.constants, eddy_time)
     expected = np.abs(linear.sensitivity(FREQUENCIES))
     assert np.max(np.abs(found.magnitude / expected - 1.0)) < 0.04

@@ -9,19 +9,14 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedPosition, Plant, PlantLoop, Position, PositionF32
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import map_ordered
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.states import Command
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
-from anhyst_rigs.rig.loop import DROP, Scenario
-from anhyst_rigs.rig.plant import (
-    current_loops,
-    make_plant,
-    noise_seed,
-    plant_numbers,
-)
-from anhyst_rigs.rig.recording import COLUMNS, HOVER, READY, Recording, column
+from anhyst_rigs.rig.loop import DROP_SAMPLE_BIT, Scenario
+from anhyst_rigs.rig.plant import current_controllers, make_plant, noise_seed, plant_parameters
+from anhyst_rigs.rig.recording import COLUMNS, HOVER_CODE, READY_CODE, Recording, column_name
 from anhyst_rigs.study.bearing.responses import StepRun, run_steps
 from tests.study import bearings
 from tests.study.bearings import GAP
@@ -45,15 +40,15 @@ def test_it_hovers_at_every_gap_and_lands_again(
         down = script.ticks
         recording = bearings.run_plant(setup, script.command(Command.LAND).hold(0.6))
         assert len(recording) == script.ticks
-        still = recording.part(down - script.count(0.1), down)
-        assert set(still["state"]) == {HOVER}
+        still = recording.slice_ticks(down - script.tick_count(0.1), down)
+        assert set(still["state"]) == {HOVER_CODE}
         assert set(still["flags"]) == {0}
         assert np.abs(still["gap_m"] - gap).max() < 1e-6
         assert np.abs(still["reference_m"] - gap).max() < 1e-11
         assert still["force_N"].mean() == pytest.approx(still["load_N"].mean(), abs=0.1)
-        assert still["load_N"][-1] == pytest.approx(setup.rig.load, abs=1e-3)
-        landed = recording.part(script.ticks - 10, script.ticks)
-        assert set(landed["state"]) == {READY}
+        assert still["load_N"][-1] == pytest.approx(setup.rig.static_load, abs=1e-3)
+        landed = recording.slice_ticks(script.ticks - 10, script.ticks)
+        assert set(landed["state"]) == {READY_CODE}
         assert not landed["command_A"].any()
         assert not landed["command_2_A"].any()
         assert np.abs(landed["current_A"]).max() < 1e-4
@@ -63,7 +58,7 @@ def test_it_hovers_at_every_gap_and_lands_again(
 def eventful(setup: BearingSetup) -> Scenario:
     """Lift, step, follow, load, lose samples, land."""
     script = bearings.lifted(setup, GAP)
-    script.step(GAP - 60e-6, 0.03).command(DROP, 2).step(GAP + 30e-6, 0.03)
+    script.step(GAP - 60e-6, 0.03).command(DROP_SAMPLE_BIT, 2).step(GAP + 30e-6, 0.03)
     script.follow(GAP + 20e-6 * np.sin(np.linspace(0.0, 20.0, 600)))
     script.set_load(setup.rig.settings.load.force_N + 20.0).hold(0.02)
     script.hold(0.0, inject=1e-6 * np.sin(np.linspace(0.0, 90.0, 400)))
@@ -80,11 +75,11 @@ def by_hand(setup: BearingSetup, scenario: Scenario, seed: int) -> dict[str, lis
     rig = setup.rig
     bearing, controller = make_plant(rig, seed), setup.make_controller()
     assert isinstance(controller, Position | PositionF32 | FixedPosition)
-    inner, integral = current_loops(rig)[0], 0.0
+    inner, integral = current_controllers(rig)[0], 0.0
     found: dict[str, list[float]] = {name: [] for name in COLUMNS}
     for tick in range(scenario.ticks):
         (gap,), currents, densities, _ = bearing.read()
-        drop = bool(scenario.command[tick] & DROP)
+        drop = bool(scenario.command[tick] & DROP_SAMPLE_BIT)
         seen = math.nan if drop else gap + scenario.inject[tick]
         answer = controller.tick(
             seen,
@@ -125,7 +120,7 @@ def by_hand(setup: BearingSetup, scenario: Scenario, seed: int) -> dict[str, lis
 def test_a_third_magnet_without_current_changes_no_bit_and_has_its_own_columns() -> None:
     setup = bearings.pair("full", "f32")
     rig, scenario = setup.rig, bearings.lifted(setup).step(GAP - 30e-6, 0.02).build()
-    numbers = plant_numbers(rig)
+    numbers = plant_parameters(rig)
     quiet = numbers.actuators[0]["current_sensor"] | {"noise": 0.0}
     idle = numbers.actuators[0] | {"current_sensor": quiet, "has_probe": 0}
     plant = Plant(
@@ -136,8 +131,10 @@ def test_a_third_magnet_without_current_changes_no_bit_and_has_its_own_columns()
         [rig.magnet] * 3,
         noise_seed(rig, 0),
     )
-    loop = PlantLoop(plant, setup.make_controller(), [*current_loops(rig), current_loops(rig)[0]])
-    names = [column(*signal) for signal in loop.signals]
+    loop = PlantLoop(
+        plant, setup.make_controller(), [*current_controllers(rig), current_controllers(rig)[0]]
+    )
+    names = [column_name(*signal) for signal in loop.signals]
     events = (scenario.target, scenario.load, scenario.inject, scenario.feed, scenario.command)
     rows = dict(zip(names, loop.run(*events).T, strict=True))
     alone = bearings.run(setup, scenario)
@@ -187,7 +184,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_one_others() -> None:
 def test_processes_make_no_difference() -> None:
     setups = bearings.single("single-valued"), bearings.single("full")
     runs = [StepRun(setup, GAP, (20e-6,), 150.0, seed) for setup in setups for seed in (0, 1)]
-    alone, shared = (all_of(run_steps, runs, jobs=jobs) for jobs in (1, 2))
+    alone, shared = (map_ordered(run_steps, runs, jobs=jobs) for jobs in (1, 2))
     assert alone == shared
     seeds = [alone[0][0][0].figures, alone[1][0][0].figures]
     assert seeds[0] != seeds[1]
@@ -222,7 +219,9 @@ def test_a_pair_is_symmetrical(number_format: NumberFormat) -> None:
         begins.append(script.ticks)
         script.step(GAP + height, 0.1)
     recording = bearings.run_plant(setup, script)
-    halves = [recording.part(begin, end) for begin, end in pairwise([*begins[::2], script.ticks])]
+    halves = [
+        recording.slice_ticks(begin, end) for begin, end in pairwise([*begins[::2], script.ticks])
+    ]
     apart = [
         np.abs(out["gap_m"] + back["gap_m"] - 2.0 * GAP).max()
         for out, back in zip(halves[::2], halves[1::2], strict=True)

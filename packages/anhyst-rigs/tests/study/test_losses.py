@@ -14,16 +14,22 @@ import pytest
 from anhyst.support.states import Command, Flag
 from anhyst_rigs.rig.case_table import LossCase
 from anhyst_rigs.rig.drift import NO_DRIFT, drifted_plant
-from anhyst_rigs.rig.loop import FAILS, HEAD_FAULTS, ClosedLoop, Scenario
+from anhyst_rigs.rig.loop import FIRST_FAILURE_BIT, HEAD_FAULT_BITS, ClosedLoop, Scenario
 from anhyst_rigs.rig.magnet_table import LikeTable
-from anhyst_rigs.rig.plant import current_loops
+from anhyst_rigs.rig.plant import current_controllers
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.drives import spare
+from anhyst_rigs.rig.stage.drives import spare_magnets
 from anhyst_rigs.rig.stage.fitted import make_stage
-from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, axes_controller, fed_wrench, track
-from anhyst_rigs.rig.stage.recording import of_axes
-from anhyst_rigs.rig.stage.setpoint import motion_of
-from anhyst_rigs.study.tracking.measures import Losses, LostMagnet
+from anhyst_rigs.rig.stage.loop import (
+    Feedforward,
+    StageSetup,
+    feedforward_wrench,
+    make_axes_controller,
+    track,
+)
+from anhyst_rigs.rig.stage.recording import axis_columns
+from anhyst_rigs.rig.stage.setpoint import scan_motion
+from anhyst_rigs.study.tracking.measures import LossFlights, LossResult
 from tests.control.test_wrench import LAYOUTS
 from tests.study import bearings
 from tests.study.test_axes import planar
@@ -53,30 +59,30 @@ def laid(name: str, peaks: tuple[float, ...] = (22.0, 10.0), heads: int = 0) -> 
     scan = file.scan.model_copy(update={"test_m_per_s2": [*peaks]})
     changed = file.model_copy(update={"magnets": magnets, "cases": [scan], "sensors": sensors})
     looked = {"control.lost_A": 0.25, "control.head_m_per_s": 0.1 if heads else None}
-    rig = replace(planar(), settings=changed.changed(looked))
+    rig = replace(planar(), settings=changed.with_changes(looked))
     return make_stage(rig, bearings.knowledge(), "full")
 
 
 def lose(
     setup: StageSetup, magnets: Sequence[int], circuit: Literal["open", "short"] = "open"
-) -> list[LostMagnet]:
+) -> list[LossResult]:
     case = LossCase(kind="loss", circuit=circuit, magnets=[f"m{one}" for one in magnets])
-    return Losses(setup, Feedforward(), case).all()
+    return LossFlights(setup, Feedforward(), case).run_all()
 
 
 @pytest.mark.parametrize(("name", "count"), [("8", 0), ("10", 0), ("12", 8), ("14", 14)])
 def test_what_can_be_spared_is_what_the_linear_programme_leaves_movable(
     name: str, count: int
 ) -> None:
-    assert spare(laid(name).rig.settings) == (1 << count) - 1
+    assert spare_magnets(laid(name).rig.settings) == (1 << count) - 1
 
 
 def test_looking_for_lost_magnets_moves_no_bit_where_none_is() -> None:
     setup = laid("10", heads=6)
     changes = {"control.lost_A": None, "control.head_m_per_s": None}
-    blind = replace(setup.rig, settings=setup.rig.settings.changed(changes))
+    blind = replace(setup.rig, settings=setup.rig.settings.with_changes(changes))
     scan = setup.rig.settings.scan
-    motion = motion_of(scan, scan.test_m_per_s2)
+    motion = scan_motion(scan, scan.test_m_per_s2)
     runs = [track(replace(setup, rig=rig), motion, Feedforward()) for rig in (setup.rig, blind)]
     for name in runs[0].columns:
         assert np.array_equal(runs[0][name], runs[1][name])
@@ -112,7 +118,7 @@ def test_what_cannot_be_spared_is_set_down(circuit: Literal["open", "short"]) ->
 
 def lost_after(read: Sequence[Sequence[float]]) -> list[int]:
     """Return what is lost after each tick in which so much is read of the first magnets."""
-    controller, told, found = axes_controller(laid("10")), [0.0] * 10, []
+    controller, told, found = make_axes_controller(laid("10")), [0.0] * 10, []
     for row in [*[[]] * 40, *read]:
         now = [*row, *told[len(row) :]]
         told, _, _, lost, _ = controller.tick(
@@ -133,7 +139,7 @@ def test_one_wrong_reading_and_none_lose_nothing_and_more_of_them_do() -> None:
 
 
 def test_with_all_magnets_lost_nothing_is_driven() -> None:
-    controller, forward = axes_controller(laid("14")), [0.0, 0.0, 196.2, 0.0, 0.0, 0.0]
+    controller, forward = make_axes_controller(laid("14")), [0.0, 0.0, 196.2, 0.0, 0.0, 0.0]
     told: list[float] = []
     for _ in range(2000):
         told, _, _, lost, state = controller.tick([0.0] * 6, forward, [0.45e-3] * 14, [9.0] * 14)
@@ -154,16 +160,16 @@ def commanded(
     bearing = drifted_plant(rig, NO_DRIFT, 1)
     bearing.place([*_AT_REST], [0.0] * 6)
     still = np.zeros((TICKS + 1, 6))
-    scenario = Scenario(still[1:], feed=fed_wrench(rig, np.zeros(TICKS)), frame=still)
+    scenario = Scenario(still[1:], feed=feedforward_wrench(rig, np.zeros(TICKS)), frame=still)
     scenario.command[since:] = failing
     for tick, one in {0: Command.IDLE, **commands}.items():
         scenario.command[tick] |= one
-    return ClosedLoop(bearing, axes_controller(setup), current_loops(rig)).run(scenario)
+    return ClosedLoop(bearing, make_axes_controller(setup), current_controllers(rig)).run(scenario)
 
 
 def poses(run: Recording) -> np.ndarray:
     return np.column_stack(
-        [run[name] for name in of_axes("pose", ("x", "y", "z", "rx", "ry", "rz"))]
+        [run[name] for name in axis_columns("pose", ("x", "y", "z", "rx", "ry", "rz"))]
     )
 
 
@@ -192,7 +198,7 @@ def test_from_rest_off_its_place_to_flight_and_back() -> None:
 @pytest.mark.parametrize(("name", "dead"), [("10", 6), ("14", 6), ("10", 0)])
 def test_with_a_dead_magnet_nothing_lifts_off_for_good(name: str, dead: int) -> None:
     commands = {UP: Command.LIFT, TICKS - 10: Command.LIFT}
-    run = commanded(laid(name), commands, failing=1 << FAILS + dead)
+    run = commanded(laid(name), commands, failing=1 << FIRST_FAILURE_BIT + dead)
     assert phases(run)[-1] == 0
     assert 3 not in phases(run)
     assert run["flags"][TICKS - 10].astype(int) & Flag.COMMAND_REFUSED
@@ -203,7 +209,10 @@ def test_with_a_dead_magnet_nothing_lifts_off_for_good(name: str, dead: int) -> 
 
 @pytest.mark.parametrize("way", ["missing", "frozen", "jumps"])
 def test_without_a_head_the_body_lands_by_the_others_or_is_let_go(way: str) -> None:
-    commands, gone = {UP: Command.LIFT, TICKS - 10: Command.LIFT}, 1 << FAILS + 5 | HEAD_FAULTS[way]
+    commands, gone = (
+        {UP: Command.LIFT, TICKS - 10: Command.LIFT},
+        1 << FIRST_FAILURE_BIT + 5 | HEAD_FAULT_BITS[way],
+    )
     runs = [commanded(laid("10", heads=heads), commands, DOWN, gone) for heads in (6, 7)]
     assert [phases(run) for run in runs] == [[0, 2, 3, 0], [0, 2, 3, 4, 0]]
     for run, most in zip(runs, (50e-3, 10e-3), strict=True):
@@ -212,7 +221,10 @@ def test_without_a_head_the_body_lands_by_the_others_or_is_let_go(way: str) -> N
 
 
 def test_one_wrong_head_for_a_moment_ends_no_flight() -> None:
-    controller, forward = axes_controller(laid("10", heads=6)), [0.0, 0.0, 196.2, 0.0, 0.0, 0.0]
+    controller, forward = (
+        make_axes_controller(laid("10", heads=6)),
+        [0.0, 0.0, 196.2, 0.0, 0.0, 0.0],
+    )
     told, noise = [0.0] * 10, np.random.default_rng(3)
     for tick in range(200):
         head = (1e-9 * noise.normal(size=6)).tolist()
@@ -224,7 +236,10 @@ def test_one_wrong_head_for_a_moment_ends_no_flight() -> None:
 
 
 def test_a_command_out_of_order_is_refused_and_changes_nothing() -> None:
-    controller, forward = axes_controller(laid("10", heads=6)), [0.0, 0.0, 196.2, 0.0, 0.0, 0.0]
+    controller, forward = (
+        make_axes_controller(laid("10", heads=6)),
+        [0.0, 0.0, 196.2, 0.0, 0.0, 0.0],
+    )
     noise, found = np.random.default_rng(3), []
     order = [Command.LIFT, Command.RUN, Command.IDLE, Command.LAND, Command.LIFT, Command.LIFT]
     order += [Command.LAND, Command.LAND, Command.LIFT, Command.IDLE, Command.IDLE]

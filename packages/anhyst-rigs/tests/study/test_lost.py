@@ -12,17 +12,17 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.cli.printing import printer, start_printing
-from anhyst.cli.shared import show
+from anhyst.cli.shared import print_parts
 from anhyst.data.table import read_columns
 from anhyst.support.errors import NegativeResult
-from anhyst_rigs.reports.studies import lines_of
-from anhyst_rigs.reports.tracking import printed, render
-from anhyst_rigs.rig.force.bench import with_lead_in
+from anhyst_rigs.reports.studies import study_output
+from anhyst_rigs.reports.tracking import render, terminal_summary
+from anhyst_rigs.rig.force.bench import add_lead_in
 from anhyst_rigs.rig.recording import Loss, Recording, SignalBound, find_loss
 from anhyst_rigs.rig.stage.loop import Feedforward, track
-from anhyst_rigs.study.force_trials import ForceOutcome, ForceTrial, lost_in
+from anhyst_rigs.study.force_trials import ForceOutcome, ForceTrial, find_losses
 from anhyst_rigs.study.tracking import simulate as tracking
-from anhyst_rigs.study.tracking.measures import LOST, measure
+from anhyst_rigs.study.tracking.measures import LOST_MEASURES, measure
 from tests.cli.command import unwrapped
 from tests.repository import ROOT
 from tests.study import bearings, stages
@@ -71,7 +71,7 @@ def test_an_unstable_stage_exits_with_1(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The recording is kept; figures and report of another one go, and there is no verdict."""
-    monkeypatch.setattr(tracking, "identify_stage", lambda _: bearings.knowledge())
+    monkeypatch.setattr(tracking, "identify_stage_magnet", lambda _: bearings.knowledge())
     rig = unstable(tmp_path)
     for name in ("figures.json", "report.html"):
         (tmp_path / name).write_text("of another run")
@@ -83,7 +83,7 @@ def test_an_unstable_stage_exits_with_1(
     assert not (tmp_path / "figures.json").exists()
     assert not (tmp_path / "report.html").exists()
     table = read_columns(tmp_path / "run.mat")
-    place = table.opened.find("gap")
+    place = table.source_table.find("gap")
     assert place is not None
     gap = np.asarray(table.columns[place])
     assert gap.min() < 0.35e-3
@@ -97,7 +97,7 @@ def test_a_stage_is_lost_on_its_end_stop_though_all_stays_finite() -> None:
     run = track(made, motion, Feedforward())
     assert np.isfinite(run["error_m"]).all()
     assert run.loss is not None
-    assert measure(run, motion, 0.01) == LOST
+    assert measure(run, motion, 0.01) == LOST_MEASURES
     with pytest.raises(NegativeResult):
         tracking.refuse_unstable(made)
 
@@ -113,15 +113,15 @@ def test_a_stage_that_was_lost_in_one_run_gets_no_verdict(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     study = stages.study()
-    own = study.tried["full"]
-    once = replace(own, measures=(*own.measures[1:], LOST))
-    lost = replace(study, tried=dict(study.tried) | {"full": once})
+    own = study.variants["full"]
+    once = replace(own, measures=(*own.measures[1:], LOST_MEASURES))
+    lost = replace(study, variants=dict(study.variants) | {"full": once})
     assert lost.lost_in == ["test set-point (1 of 2 runs)"]
     assert lost.verdicts == {}
     assert lost.verdict.level == "unknown"
     start_printing()
     printer.is_verbose = True
-    show(*lines_of(lost, printed(lost), "run.csv"))
+    print_parts(*study_output(lost, terminal_summary(lost), "run.csv"))
     shown = unwrapped(capsys.readouterr().out)
     assert shown.startswith("lost: ")
     assert "orth it" not in shown
@@ -134,8 +134,8 @@ def test_a_stage_that_was_lost_in_one_run_gets_no_verdict(
 @pytest.mark.slow
 def test_a_baseline_that_was_lost_is_compared_with_nothing() -> None:
     study = stages.study()
-    gone = replace(study.tried["play"], measures=(LOST, LOST))
-    left = replace(study, tried=dict(study.tried) | {"play": gone})
+    gone = replace(study.variants["play"], measures=(LOST_MEASURES, LOST_MEASURES))
+    left = replace(study, variants=dict(study.variants) | {"play": gone})
     assert left.lost_in == []
     assert list(left.verdicts) == ["single-valued"]
     assert "'play'" not in left.verdict.text
@@ -154,14 +154,14 @@ def test_an_unstable_piezo_stage_exits_with_1(
     assert said.out.startswith("lost: ")
     assert "worth it" not in said.out
     assert "1000 Hz" in said.err
-    assert read_columns(out).opened.find("x_full") is not None
+    assert read_columns(out).source_table.find("x_full") is not None
 
 
 @pytest.mark.parametrize(("spoilt", "losses"), [(0.5, 0), (41.0, 1), (math.nan, 1)])
 def test_a_force_off_by_the_largest_of_the_rig_is_lost(spoilt: float, losses: int) -> None:
-    demand = with_lead_in("ramp", np.linspace(0.0, 30.0, 50), 500.0)
+    demand = add_lead_in("ramp", np.linspace(0.0, 30.0, 50), 500.0)
     force = demand.force.copy()
     force[-5] += spoilt
     recording = Recording({"force_N": force, "current_A": np.zeros_like(force)})
     outcome = ForceOutcome(ForceTrial("end", demand, 1e-3, "unknown", 0), {"full": recording})
-    assert len(lost_in([outcome], 40.0)) == losses
+    assert len(find_losses([outcome], 40.0)) == losses

@@ -9,10 +9,10 @@ import pytest
 
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.study.bearing.responses import (
-    rate_of_change,
+    evaluate_step,
     recovery_time,
+    rms_rate_of_change,
     settling_band,
-    step_figures,
 )
 from anhyst_rigs.study.engine.table import mean_interval
 
@@ -42,7 +42,7 @@ def test_a_system_of_second_order(damping: float, height: float) -> None:
     w = 2.0 * math.pi * 120.0
     t = np.arange(round(0.08 * RATE)) / RATE
     way = second_order(damping, w, t)
-    figures = step_figures(*hold(way, 0.45e-3, 0.45e-3 + height), SENSOR)
+    figures = evaluate_step(*hold(way, 0.45e-3, 0.45e-3 + height), SENSOR)
     peak = 100.0 * math.exp(-math.pi * damping / math.sqrt(1.0 - damping**2))
     assert figures.overshoot_percent == pytest.approx(peak, rel=2e-3)
     assert figures.undershoot_percent == 0.0
@@ -63,7 +63,7 @@ def _rising(way: Row, t: Row) -> tuple[Row, Row]:
 def test_a_way_in_the_wrong_direction_is_reported() -> None:
     t = np.arange(2000) / RATE
     way = 1.0 - np.exp(-t / 2e-3) - 900.0 * t * np.exp(-t / 1e-3)
-    figures = step_figures(*hold(way, 0.45e-3, 0.40e-3), SENSOR)
+    figures = evaluate_step(*hold(way, 0.45e-3, 0.40e-3), SENSOR)
     assert figures.undershoot_percent == pytest.approx(-100.0 * way.min())
     assert figures.undershoot_percent > 5.0
     assert figures.overshoot_percent == 0.0
@@ -73,7 +73,7 @@ def test_what_the_sensor_cannot_tell_does_not_hide_the_settling() -> None:
     rng = np.random.default_rng(2)
     t = np.arange(4000) / RATE
     way = 1.0 - np.exp(-t / 1e-3) + rng.uniform(-0.03, 0.03, len(t))
-    figures = step_figures(*hold(way, 0.45e-3, 0.46e-3), 0.17e-6)
+    figures = evaluate_step(*hold(way, 0.45e-3, 0.46e-3), 0.17e-6)
     assert figures.standstill_rms_m == pytest.approx(0.03 / math.sqrt(3.0) * 10e-6, rel=0.05)
     assert settling_band(10e-6, 0.17e-6) == pytest.approx(3.0 * 0.17e-6)
     assert figures.settling_time_s > 0.9 * t[-1]
@@ -88,7 +88,7 @@ def test_whoever_trembles_more_does_not_settle_sooner() -> None:
     settled = []
     for rms in (0.0, 0.005, 0.01, 0.03):
         noisy = way + rms * rng.standard_normal(len(t))
-        figures = step_figures(*hold(noisy, 0.45e-3, 0.46e-3), 15e-9)
+        figures = evaluate_step(*hold(noisy, 0.45e-3, 0.46e-3), 15e-9)
         assert settling_band(10e-6, 15e-9) == pytest.approx(0.02 * 10e-6)
         settled.append(figures.settling_in_noise_s)
     assert settled == sorted(settled)
@@ -102,7 +102,7 @@ def test_the_overshoot_of_a_step_that_has_none_is_its_noise(rms: float) -> None:
     t = np.arange(2000) / RATE
     way = 1.0 - np.exp(-t / 1e-5)
     rows = [
-        step_figures(*hold(way + rms * rng.standard_normal(len(t)), 0.45e-3, 0.46e-3), SENSOR)
+        evaluate_step(*hold(way + rms * rng.standard_normal(len(t)), 0.45e-3, 0.46e-3), SENSOR)
         for _ in range(200)
     ]
     overshoot, noise = (mean_interval([getattr(one, key) for one in rows]) for key in
@@ -110,23 +110,23 @@ def test_the_overshoot_of_a_step_that_has_none_is_its_noise(rms: float) -> None:
     assert overshoot.mean == pytest.approx(noise.mean, rel=0.03)
     assert overshoot.mean > 3.0 * 100.0 * rms
     assert not overshoot.exceeds(noise)
-    beyond = step_figures(*hold(second_order(0.5, 750.0, t), 0.45e-3, 0.46e-3), SENSOR)
+    beyond = evaluate_step(*hold(second_order(0.5, 750.0, t), 0.45e-3, 0.46e-3), SENSOR)
     assert beyond.overshoot_percent > 100.0 * beyond.noise_percent
 
 
 def test_what_is_not_reached_is_infinite() -> None:
     t = np.arange(2000) / RATE
-    slow = step_figures(*hold(0.5 * (1.0 - np.exp(-t / 1e-3)), 0.45e-3, 0.46e-3), SENSOR)
+    slow = evaluate_step(*hold(0.5 * (1.0 - np.exp(-t / 1e-3)), 0.45e-3, 0.46e-3), SENSOR)
     assert slow.rise_time_s == math.inf
     assert slow.settling_time_s == math.inf
     assert slow.steady_error_m == pytest.approx(-5e-6)
-    still = step_figures(*hold(0.0 * t, 0.45e-3, 0.46e-3), SENSOR)
+    still = evaluate_step(*hold(0.0 * t, 0.45e-3, 0.46e-3), SENSOR)
     assert still.rise_time_s == math.inf
 
 
 def test_a_standing_error_is_measured_from_the_reference() -> None:
     t = np.arange(4000) / RATE
-    figures = step_figures(*hold(1.01 * (1.0 - np.exp(-t / 1e-3)), 0.45e-3, 0.44e-3), SENSOR)
+    figures = evaluate_step(*hold(1.01 * (1.0 - np.exp(-t / 1e-3)), 0.45e-3, 0.44e-3), SENSOR)
     assert figures.steady_error_m == pytest.approx(-0.01 * 10e-6)
     assert figures.overshoot_percent == pytest.approx(1.0)
 
@@ -134,7 +134,7 @@ def test_a_standing_error_is_measured_from_the_reference() -> None:
 def test_what_is_no_step_is_refused() -> None:
     t = np.arange(100) / RATE
     with pytest.raises(ValueError, match="must step after the first sample"):
-        step_figures(t, t, t, SENSOR)
+        evaluate_step(t, t, t, SENSOR)
 
 
 def test_recovery_counts_from_the_end_of_the_disturbance() -> None:
@@ -149,7 +149,7 @@ def test_rate_of_change_of_a_sine() -> None:
     t = np.arange(20_000) / RATE
     current = 1.5 + 0.2 * np.sin(2 * np.pi * 100.0 * t)
     expected = 0.2 * 2 * np.pi * 100.0 / math.sqrt(2.0)
-    assert rate_of_change(t, current) == pytest.approx(expected, rel=1e-3)
+    assert rms_rate_of_change(t, current) == pytest.approx(expected, rel=1e-3)
 
 
 def test_the_interval_holds_the_mean_as_often_as_it_says() -> None:

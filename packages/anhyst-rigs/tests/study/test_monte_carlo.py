@@ -20,13 +20,13 @@ from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.loop import make_setup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig, read_bearing
-from anhyst_rigs.rig.drift import CUT, Drift, draw_drift, drifted_law, drifted_plant
+from anhyst_rigs.rig.drift import MAX_SAMPLE_SIGMA, Drift, drifted_law, drifted_plant, sample_drift
 from anhyst_rigs.rig.loop import SimulatedLoop
 from anhyst_rigs.rig.tables import SpreadTable
-from anhyst_rigs.study.bearing.ready import make_ready
+from anhyst_rigs.study.bearing.inputs import check_inputs
 from anhyst_rigs.study.bearing.responses import StepRun, run_steps
 from anhyst_rigs.study.engine import monte_carlo as engine
-from anhyst_rigs.study.engine.monte_carlo import MonteCarlo, Plants, fault_of, percentile
+from anhyst_rigs.study.engine.monte_carlo import MonteCarlo, Plants, find_fault, percentile
 from anhyst_rigs.study.plants import bearing_plants
 from tests.refusals import refused
 from tests.repository import ROOT
@@ -186,7 +186,7 @@ def test_a_changed_file_of_loops_is_reported(
     shutil.copytree(folder, place)
     rig = read_bearing(place / "rig.toml")
     monte_carlo(rig, controller, place / "p.jsonl", 1, ("linearised",), jobs=1)
-    with rig.measured.places[0].with_suffix(suffix).open("a") as stream:
+    with rig.measured_loops.paths[0].with_suffix(suffix).open("a") as stream:
         stream.write("\n")
     with refused("other-results rig: line 1"):
         monte_carlo(rig, controller, place / "p.jsonl", 1, ("linearised",), jobs=1)
@@ -240,11 +240,11 @@ LINE = {"plant": 0, "drift": {"pinning_percent": 1.0}, "variants": {"linearised"
 def test_a_line_that_is_no_result_is_reported_with_its_key(
     changes: dict[str, Any], reported: str, linearised: Plants
 ) -> None:
-    assert fault_of(LINE, linearised) is None
+    assert find_fault(LINE, linearised) is None
     whole = {key: changes.get(key, value) for key, value in LINE.items()}
     if not set(changes) & set(LINE):
         whole["variants"] = {"linearised": RUN | changes}
-    fault = fault_of(whole, linearised)
+    fault = find_fault(whole, linearised)
     assert fault is not None
     assert reported in fault
     assert "\n" not in fault
@@ -252,7 +252,7 @@ def test_a_line_that_is_no_result_is_reported_with_its_key(
 
 def test_a_lost_plant_needs_no_figures(linearised: Plants) -> None:
     lost = LINE | {"variants": {"linearised": {"lost_s": 0.5}}}
-    assert fault_of(lost, linearised) is None
+    assert find_fault(lost, linearised) is None
 
 
 def test_a_file_with_such_a_line_is_refused(
@@ -268,13 +268,13 @@ def test_a_file_with_such_a_line_is_refused(
 
 def test_drawn_plants_have_the_spreads_of_the_file(rig: BodyRig) -> None:
     file = with_drift(rig, pinning_percent=10.0, gap_zero_m=2e-6).settings
-    drawn = [draw_drift(file, np.random.default_rng([1, i])) for i in range(4000)]
+    drawn = [sample_drift(file, np.random.default_rng([1, i])) for i in range(4000)]
     pinning = np.array([one.pinning for one in drawn])
     offset = np.array([one.gap_offset for one in drawn])
     # Cut off at three, a normal distribution keeps 98.7 % of its deviation.
     assert np.std(pinning) == pytest.approx(0.1 * 0.9866, rel=0.03)
     assert np.std(offset) == pytest.approx(2e-6 * 0.9866, rel=0.03)
-    assert np.max(np.abs(pinning)) <= 0.1 * CUT
+    assert np.max(np.abs(pinning)) <= 0.1 * MAX_SAMPLE_SIGMA
     assert abs(np.corrcoef(pinning, offset)[0, 1]) < 0.05
     assert {one.mass for one in drawn} == {0.0}
 
@@ -285,11 +285,13 @@ def test_without_drift_a_plant_is_the_nominal_one(
 ) -> None:
     still = with_drift(rig)
     found = monte_carlo(still, controller, tmp_path / "a", 1, ("full",), jobs=1)
-    knowledge = make_ready(still, controller).knowledge()
+    knowledge = check_inputs(still, controller).identify_magnet()
     setup = make_setup(still, controller.settings, knowledge, "full", "f64")
     tried = still.settings
-    _, noise = found.plants.draw(0)
-    steps, _ = run_steps(StepRun(setup, tried.gap_m, tuple(tried.step.heights_m), rig.load, noise))
+    _, noise = found.plants.draw_plant(0)
+    steps, _ = run_steps(
+        StepRun(setup, tried.gap_m, tuple(tried.step.heights_m), rig.static_load, noise)
+    )
     for place, height in enumerate(tried.step.heights_m):
         pair = [one.figures for one in steps if one.height == pytest.approx(height)]
         worst = max(one["overshoot_percent"] for one in pair)
@@ -330,7 +332,11 @@ def test_the_sensor_turns_around_the_operating_gap(
     rig: BodyRig, controller: ControllerFile
 ) -> None:
     setup = make_setup(
-        rig, controller.settings, make_ready(rig, controller).knowledge(), "linearised", "f64"
+        rig,
+        controller.settings,
+        check_inputs(rig, controller).identify_magnet(),
+        "linearised",
+        "f64",
     )
     drift = Drift(position_gain=0.02, gap_offset=3e-6, current_gain=0.01)
     loop = SimulatedLoop(setup, plant=drifted_plant(rig, drift, 1))
@@ -339,7 +345,7 @@ def test_the_sensor_turns_around_the_operating_gap(
     script.follow(np.full(2000, 0.40e-3))
     found = loop.run(script.hold(0.2).build())
     # The loop brings the reading to the reference.
-    middle = found.part(begin - 500, begin)
+    middle = found.slice_ticks(begin - 500, begin)
     assert np.mean(middle["gap_m"]) == pytest.approx(0.45e-3 - 3e-6 / 1.02, abs=30e-9)
     moved = np.mean(middle["gap_m"]) - np.mean(found["gap_m"][-500:])
     assert moved == pytest.approx(50e-6 / 1.02, abs=60e-9)
@@ -360,7 +366,7 @@ def test_a_drifted_law_keeps_its_bounds(rig: BodyRig) -> None:
 def test_drifted_cells_are_pinned_otherwise_and_saturate_otherwise(
     rig: BodyRig, controller: ControllerFile
 ) -> None:
-    model = make_ready(rig, controller).knowledge().model
+    model = check_inputs(rig, controller).identify_magnet().model
     drift = Drift(pinning=0.1, reversible=0.5, saturation=-0.02)
     own, other = cell_weights(model), cell_weights(drifted_law(model, drift))
     np.testing.assert_allclose(other.thresholds, 1.1 * own.thresholds)
@@ -384,7 +390,11 @@ def test_a_magnet_of_a_law_drifts_in_its_law(
     (place / "rig.toml").write_text(text)
     law = read_bearing(place / "rig.toml")
     setup = make_setup(
-        law, controller.settings, make_ready(law, controller).knowledge(), "linearised", "f64"
+        law,
+        controller.settings,
+        check_inputs(law, controller).identify_magnet(),
+        "linearised",
+        "f64",
     )
     gaps = []
     for drift in (Drift(), Drift(saturation=-0.03)):
@@ -400,7 +410,7 @@ def test_plants_that_are_lost_count_as_the_worst(
     # An armature that rests beyond what the controller believes possible is not lifted.
     far = with_drift(rig, gap_zero_m=30e-6)
     found = monte_carlo(far, controller, tmp_path / "a", 8, ("linearised",), jobs=1)
-    lost = [run.lost is not None for run in found.runs["linearised"]]
+    lost = [run.lost_s is not None for run in found.runs["linearised"]]
     for one, drift in zip(lost, found.drifts, strict=True):
         assert one or drift.gap_offset < 20e-6
         assert not one or abs(drift.gap_offset) > 10e-6

@@ -10,16 +10,21 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.support.kinds import kind_of
+from anhyst.support.kinds import file_kind
 from anhyst_rigs.reports.plants import render
-from anhyst_rigs.rig.drift import Drift, draw_drift, drifted_file
+from anhyst_rigs.rig.drift import Drift, drifted_file, sample_drift
 from anhyst_rigs.rig.kind_rules import read_rig_file
 from anhyst_rigs.rig.magnet_table import MagnetTable
 from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst_rigs.rig.tables import SPREADS, SpreadTable
 from anhyst_rigs.study.engine.monte_carlo import MonteCarlo, Plants, monte_carlo
-from anhyst_rigs.study.piezo import find_inverses, follow, judged_from, reference
-from anhyst_rigs.study.plants import errors_of, force_plants, piezo_plants, stage_plants
+from anhyst_rigs.study.piezo import (
+    find_inverses,
+    first_evaluated_tick,
+    follow_reference,
+    make_reference,
+)
+from anhyst_rigs.study.plants import force_plants, piezo_plants, stage_plants, varied_errors
 from tests.refusals import refused
 from tests.repository import ROOT
 from tests.rig import forces
@@ -62,8 +67,8 @@ def test_compensation_pays_on_piezo_stages_that_have_drifted(found: MonteCarlo) 
 
 @pytest.mark.slow
 def test_a_piezo_stage_without_drift_is_the_one_that_is_simulated(rig: PiezoRig) -> None:
-    wanted, inverse = reference(rig), find_inverses(rig)["full"]
-    nominal = follow(rig, wanted, inverse)["error_m"]
+    wanted, inverse = make_reference(rig), find_inverses(rig)["full"]
+    nominal = follow_reference(rig, wanted, inverse)["error_m"]
     assert drifted_file(rig.settings, Drift()) == rig.settings
     longer = drifted_file(rig.settings, Drift(stroke=0.1, creep=0.5, resonance=-0.1))
     assert longer.stack.stroke_m_per_V == pytest.approx(1.1 * rig.settings.stack.stroke_m_per_V)
@@ -71,7 +76,7 @@ def test_a_piezo_stage_without_drift_is_the_one_that_is_simulated(rig: PiezoRig)
         [1.5 * share for share in rig.settings.stack.creep_shares]
     )
     assert longer.flexure.resonance_Hz == pytest.approx(0.9 * rig.settings.flexure.resonance_Hz)
-    assert judged_from(rig) < len(nominal)
+    assert first_evaluated_tick(rig) < len(nominal)
 
 
 def test_the_page_shows_every_figure_and_what_the_worst_plant_drifted_in(
@@ -87,7 +92,7 @@ def test_a_stage_is_run_with_each_error_alone_and_with_all(tmp_path: Path) -> No
     plants = stage_plants(stages.stage(), bearings.knowledge(), ("single-valued", "full"))
     found = monte_carlo(plants, tmp_path / "p.jsonl", 2, jobs=2)
     rows = found.as_dict()["variants"]["full"]["average_m"]
-    cases = errors_of(stages.stage().settings)
+    cases = varied_errors(stages.stage().settings)
     assert [row["error"] for row in rows] == [*cases]
     by_error = dict(zip(cases, rows, strict=True))
     assert by_error["none"]["worst"] < by_error["all"]["worst"]
@@ -100,11 +105,11 @@ def test_a_force_rig_is_run_in_every_trial_of_the_stroke(tmp_path: Path) -> None
     plants = force_plants(forces.example(), truth("solenoid-effective-field-reluctance"))
     plants = replace(plants, methods=("full", "ratio"))
     found = monte_carlo(plants, tmp_path / "p.jsonl", 2, jobs=2)
-    assert {name.split("_")[0] for name in found.plants.figures[0].names} == {
+    assert {name.split("_")[0] for name in found.plants.figures[0].case_names} == {
         "positions",
         "moving",
     }
-    for case in range(len(found.plants.figures[0].names)):
+    for case in range(len(found.plants.figures[0].case_names)):
         own, plain = (found.values(name, "rms_N", case) for name in ("full", "ratio"))
         assert max(own) < max(plain)
 
@@ -112,7 +117,7 @@ def test_a_force_rig_is_run_in_every_trial_of_the_stroke(tmp_path: Path) -> None
 def test_every_kind_of_rig_takes_the_keys_of_spread_that_it_draws_from() -> None:
     for name in ("bearing", "stage", "planar", "solenoid", "piezo"):
         path = EXAMPLES / name / "rig.toml"
-        file = read_rig_file(path, kind_of(path).word)
+        file = read_rig_file(path, file_kind(path).word)
         taken = set(SPREADS[file.control.kind].keys)
         if not any(isinstance(one, MagnetTable) and one.solid for one in file.magnets):
             taken -= {"conductivity_percent"}
@@ -121,7 +126,7 @@ def test_every_kind_of_rig_takes_the_keys_of_spread_that_it_draws_from() -> None
                 dict.fromkeys(SpreadTable.model_fields, 0.0) | {key: 0.5}
             )
             given = file.model_copy(update={"spread": alone})
-            drawn = draw_drift(given, np.random.default_rng(1)).as_dict()
+            drawn = sample_drift(given, np.random.default_rng(1)).as_dict()
             assert bool(drawn) == (key in taken), (name, key)
 
 
@@ -150,4 +155,4 @@ def test_plants_are_lost_where_the_loop_is_and_the_verb_exits_with_1(
 
 def test_a_seed_of_the_file_makes_other_plants(plants: Plants, rig: PiezoRig) -> None:
     assert plants.seed == rig.settings.seed
-    assert replace(plants, seed=99).draw(0)[0] != plants.draw(0)[0]
+    assert replace(plants, seed=99).draw_plant(0)[0] != plants.draw_plant(0)[0]

@@ -16,22 +16,22 @@ from anhyst.control import Pidd2, design
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.recording import COLUMNS, Recording
 from anhyst_rigs.study.bearing.linear import (
-    BOUNDARIES,
-    Chain,
+    ZONE_LIMITS,
+    AnalogueAmplifier,
     Compensation,
-    CurrentLoop,
+    LinearBearing,
     LinearLoop,
-    Point,
-    zone,
+    LoopTiming,
+    find_zone,
 )
 from anhyst_rigs.study.bearing.responses import Sensitivity, measure_sensitivity
 
 RATE, STEPS = 20e3, 4
 Row = FloatArray
-POINT = Point(2.0, 123.0, 5e5, 20e-3, 1.2)
-AMPLIFIER = CurrentLoop(gain=314.0, reset=19e3)
+POINT = LinearBearing(2.0, 123.0, 5e5, 20e-3, 1.2)
+AMPLIFIER = AnalogueAmplifier(gain=314.0, integral_gain=19e3)
 CONTROLLER = Pidd2(rate=RATE, **vars(design(2.0, 120.0, 1.0)), cutoff=2000.0)
-LINEAR = LinearLoop(POINT, AMPLIFIER, Chain(RATE, 1.0), CONTROLLER, Compensation(123.0, 4e5))
+LINEAR = LinearLoop(POINT, AMPLIFIER, LoopTiming(RATE, 1.0), CONTROLLER, Compensation(123.0, 4e5))
 
 
 def bearing(noise: float = 0.0, stick: float = 0.0) -> Callable[[Row], Recording]:
@@ -44,9 +44,9 @@ def bearing(noise: float = 0.0, stick: float = 0.0) -> Callable[[Row], Recording
         [0.0, 1.0, 0.0, 0.0],
         [k.k_s / k.mass, 0.0, k.k_i / k.mass, 0.0],
         [0.0, -k.k_i / k.inductance, -(k.resistance + a.gain) / k.inductance, 1.0 / k.inductance],
-        [0.0, 0.0, -a.reset, 0.0],
+        [0.0, 0.0, -a.integral_gain, 0.0],
     ]
-    into = [[0.0], [0.0], [a.gain / k.inductance], [a.reset]]
+    into = [[0.0], [0.0], [a.gain / k.inductance], [a.integral_gain]]
     over, held, *_ = cont2discrete(
         (np.array(motion), np.array(into), np.eye(1, 4), np.zeros((1, 1))), 1.0 / (RATE * STEPS)
     )
@@ -68,7 +68,7 @@ def bearing(noise: float = 0.0, stick: float = 0.0) -> Callable[[Row], Recording
             for _ in range(STEPS):
                 state = over @ state + held[:, 0] * waiting
             waiting = current
-        return Recording.of_table(table)
+        return Recording.from_table(table)
 
     return run
 
@@ -87,13 +87,13 @@ def test_it_is_that_of_the_linear_loop(clean: Sensitivity) -> None:
     # Beyond the loop's bandwidth what is injected passes; where it controls, it does not.
     assert clean.magnitude[-1] == pytest.approx(1.0, abs=0.1)
     assert clean.peak > 1.2
-    assert np.max(clean.rest) < 5e-3
+    assert np.max(clean.residual_ratio) < 5e-3
 
 
 def test_noise_is_averaged_out_and_reported(clean: Sensitivity) -> None:
     noisy = measure_sensitivity(bearing(noise=100e-9), FREQUENCIES, 1e-6, RATE)
     assert np.max(np.abs(noisy.ratio - clean.ratio)) < 0.05
-    assert np.min(noisy.rest) > 0.05
+    assert np.min(noisy.residual_ratio) > 0.05
 
 
 @pytest.mark.slow
@@ -102,7 +102,7 @@ def test_a_dead_zone_makes_the_answer_depend_on_the_amplitude(clean: Sensitivity
     large = measure_sensitivity(bearing(stick=1.0), FREQUENCIES[:5], 100e-6, RATE)
     off = [float(np.max(np.abs(x.ratio - clean.ratio[:5]))) for x in (small, large)]
     assert off[0] > 5.0 * off[1]
-    assert np.max(small.rest) > 5.0 * np.max(large.rest)
+    assert np.max(small.residual_ratio) > 5.0 * np.max(large.residual_ratio)
 
 
 def test_the_peak_and_its_zone() -> None:
@@ -128,14 +128,14 @@ def test_a_run_that_ended_early_is_refused() -> None:
     [(1.0, "A"), (3.0, "A"), (3.01, "B"), (4.01, "C"), (5.01, "D"), (math.inf, "D")],
 )
 def test_zones(peak: float, wanted: str) -> None:
-    assert zone(peak) == wanted
+    assert find_zone(peak) == wanted
 
 
 def test_zones_end_at_the_decibels_of_the_standard() -> None:
-    assert [20.0 * np.log10(one) for one in BOUNDARIES.values()] == pytest.approx(
+    assert [20.0 * np.log10(one) for one in ZONE_LIMITS.values()] == pytest.approx(
         [9.5, 12, 14], abs=0.05
     )
-    assert zone(math.nan) == "D"
+    assert find_zone(math.nan) == "D"
 
 
 def test_the_example_is_true() -> None:

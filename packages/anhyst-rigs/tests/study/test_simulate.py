@@ -25,14 +25,14 @@ from anhyst.support.jobs import Progress
 from anhyst.support.states import Command, Flag, Phase, State
 from anhyst.support.units import split_header
 from anhyst_rigs.reports.bearing.page import render
-from anhyst_rigs.reports.bearing.subject import subject_of
+from anhyst_rigs.reports.bearing.subject import gather_subject
 from anhyst_rigs.rig.bearing import scenario
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
-from anhyst_rigs.rig.drift import changed
-from anhyst_rigs.rig.recording import COLUMNS, FAULT, HOVER
+from anhyst_rigs.rig.drift import change_rig
+from anhyst_rigs.rig.recording import COLUMNS, FAULT_CODE, HOVER_CODE
 from anhyst_rigs.study.bearing import simulate as module
-from anhyst_rigs.study.bearing.responses import FIGURES
-from anhyst_rigs.study.bearing.simulate import Simulation, explore
+from anhyst_rigs.study.bearing.responses import STEP_FIGURES
+from anhyst_rigs.study.bearing.simulate import Simulation, simulate_bearing
 from tests.refusals import refused, says
 from tests.repository import ROOT
 from tests.study import bearings
@@ -75,13 +75,13 @@ def folder(tmp_path: Path) -> Path:
 def compared() -> Iterator[None]:
     """Compare with what is quick to fit."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "COMPARED", ("ratio", "flux"))
+        patch.setattr(module, "COMPARED_VARIANTS", ("ratio", "flux"))
         yield
 
 
 def simulate(rig: Path, out: Path, progress: Progress | None = None) -> Simulation:
     """Explore a bearing, and write what was found."""
-    found = explore(rig, out, progress=progress)
+    found = simulate_bearing(rig, out, progress=progress)
     found.save(out)
     return found
 
@@ -111,7 +111,7 @@ def test_it_writes_the_recording_as_a_table(run: tuple[Path, Simulation, list[fl
         np.testing.assert_array_equal(table[name].to_numpy(), found.recording[name], name)
     assert np.diff(table["t_s"]) == pytest.approx(1.0 / 20e3)
     assert table["state"].iloc[-1] == 48
-    lifted = table[table["state"] == HOVER]
+    lifted = table[table["state"] == HOVER_CODE]
     assert lifted["gap_m"].between(0.41e-3, 0.49e-3).all()
 
 
@@ -122,8 +122,8 @@ def test_its_table_and_its_picture_hold_every_variant(
     table = found.to_dataframe()
     assert set(table["variant"]) == set(found.setups)
     assert table["overshoot_percent"].notna().all()
-    assert len(found.plot(Figure().add_subplot()).lines) == len(found.shown)
-    assert f"controller: {found.own}" in repr(found)
+    assert len(found.plot(Figure().add_subplot()).lines) == len(found.step_recordings)
+    assert f"controller: {found.main_variant}" in repr(found)
 
 
 def test_figures_are_json_and_those_that_were_found(
@@ -142,9 +142,9 @@ def test_figures_are_json_and_those_that_were_found(
     steps: list[dict[str, Any]] = figures["steps"]
     assert [row["variant"] for row in steps] == ["ratio", "flux", "single-valued"]
     for row, cell in zip(steps, found.cells, strict=True):
-        assert set(FIGURES) < set(row)
+        assert set(STEP_FIGURES) < set(row)
         assert (row["lost"], row["runs"]) == (0, 2)
-        for name in FIGURES:
+        for name in STEP_FIGURES:
             assert row[name]["count"] == 2
             assert row[name]["mean"] == cell.figures[name].mean
     assert steps[0]["overshoot_percent"]["mean"] > steps[2]["overshoot_percent"]["mean"]
@@ -216,7 +216,7 @@ def test_every_figure_is_documented(run: tuple[Path, Simulation, list[float]]) -
 @pytest.mark.slow
 def test_what_was_not_reached_is_null(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A converter of the position too coarse to settle on: no infinity in the file."""
-    monkeypatch.setattr(module, "COMPARED", ("ratio",))
+    monkeypatch.setattr(module, "COMPARED_VARIANTS", ("ratio",))
     coarse = {"\nstep_m = 50e-9": "\nstep_m = 4e-6", "noise_seeds = 2": "noise_seeds = 3"}
     change(folder / "rig.toml", coarse)
     found = simulate(folder / "rig.toml", folder / "out" / "run.mat")
@@ -227,9 +227,9 @@ def test_what_was_not_reached_is_null(folder: Path, monkeypatch: pytest.MonkeyPa
     assert None in settling
     table = read_columns(folder / "out" / "run.mat")
     names = [split_header(name)[0] for name in COLUMNS]
-    assert sorted(table.opened.header) == sorted(names)
+    assert sorted(table.source_table.header) == sorted(names)
     for name, plain in zip(COLUMNS, names, strict=True):
-        column = np.asarray(table.columns[table.opened.header.index(plain)])
+        column = np.asarray(table.columns[table.source_table.header.index(plain)])
         np.testing.assert_array_equal(column, found.recording[name], name)
 
 
@@ -259,7 +259,7 @@ def test_gains_that_do_not_hold_it_are_reported_and_the_recording_is_kept(
     # The time that is said is rounded to two ticks; one later, it may have bounced off the stop.
     then = table[np.abs(table["t_s"] - float(time[1])) < 1e-4]
     touches = (then["gap_m"] <= 0.35e-3) | (then["gap_m"] >= 0.55e-3)
-    assert how != "lost" or (touches | (then["state"] >= FAULT)).any()
+    assert how != "lost" or (touches | (then["state"] >= FAULT_CODE)).any()
 
 
 def test_what_an_earlier_run_left_is_removed_where_this_one_is_lost(folder: Path) -> None:
@@ -281,12 +281,12 @@ SLOW = {
 @pytest.mark.slow
 def test_a_slow_lift_off_is_waited_for(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Force in 1.5 s, way in 1 s: slower than the example by far, and no fault of the gains."""
-    monkeypatch.setattr(module, "COMPARED", ())
+    monkeypatch.setattr(module, "COMPARED_VARIANTS", ())
     change(folder / "controller.toml", SLOW)
     found = simulate(folder / "rig.toml", folder / "out" / "run.csv")
     hovers = bearings.hovers_from(found.recording)
     assert hovers is not None
-    assert 1.5 < hovers / 20e3 < found.scenario.lifted / 20e3 < 2.7
+    assert 1.5 < hovers / 20e3 < found.scenario.lift_end_tick / 20e3 < 2.7
     assert found.lost_in == []
 
 
@@ -313,14 +313,14 @@ def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
     setup = bearings.single("single-valued")
     table = setup.controller.model_copy(update={"rate_Hz": rate})
     timing = setup.rig.settings.timing.model_copy(update={"rate_Hz": rate})
-    rig = changed(setup.rig, {"timing": timing})
+    rig = change_rig(setup.rig, {"timing": timing})
     script = ScenarioBuilder(rig, bearings.GAP).lift_off(table).build()
     marks = np.flatnonzero(script.command)
     assert list(script.command[marks]) == [Command.DEMAGNETISED, Command.LIFT]
     (selftest,) = (one.default for one in fields(PositionLimits) if one.name == "selftest")
     assert marks[0] > selftest
     assert marks[0] / rate >= 0.005 - 1e-9
-    assert script.lifted == script.ticks >= 0.45 * rate
+    assert script.lift_end_tick == script.ticks >= 0.45 * rate
 
 
 @pytest.mark.slow
@@ -328,7 +328,7 @@ def test_an_own_variant_that_is_lost_later_is_a_negative_result(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A load step beyond the force: the run of steps holds, what follows does not."""
-    monkeypatch.setattr(module, "COMPARED", ("ratio",))
+    monkeypatch.setattr(module, "COMPARED_VARIANTS", ("ratio",))
     change(folder / "rig.toml", {"forces_N = [20.0]": "forces_N = [147.0]"})
     out = folder / "out"
     arguments = ["simulate", str(folder / "rig.toml"), "--out", str(out / "run.csv")]
@@ -355,13 +355,13 @@ def test_a_variant_that_cannot_be_made_is_reported(
     """The law of 1986 has no compensator: the others are compared, and this is said."""
     model = replace(truth("bearing-jiles-atherton"), law="jiles-atherton-1986")
     write_model(model, folder / "model.toml")
-    monkeypatch.setattr(module, "COMPARED", ("ratio", "full"))
+    monkeypatch.setattr(module, "COMPARED_VARIANTS", ("ratio", "full"))
     found = simulate(folder / "rig.toml", folder / "out" / "run.csv")
     figures = json.loads((folder / "out" / "figures.json").read_text())
     assert [row["variant"] for row in figures["steps"]] == ["ratio", "single-valued"]
     assert set(figures["left_out"]) == {"full"}
     assert f"{folder / 'model.toml'}: law 'jiles-atherton-1986'" in figures["left_out"]["full"]
-    render(subject_of(found, "anhyst simulate"))
+    render(gather_subject(found, "anhyst simulate"))
 
 
 @pytest.mark.slow
@@ -377,8 +377,8 @@ def test_a_variant_that_does_not_hold_it_is_reported_beside_the_others(folder: P
     assert figures["sensitivity"]["single-valued"]["peak"] > 1.0
     assert set(found.sensitivity) == {"flux", "single-valued"}
     assert not figures["loop"]["ratio"]["stable"]
-    assert found.loops["single-valued"].stable
-    render(subject_of(found, "anhyst simulate"))
+    assert found.loops["single-valued"].is_stable
+    render(gather_subject(found, "anhyst simulate"))
 
 
 @pytest.mark.parametrize("name", ["figures.json", "run.csv"])

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from anhyst_rigs.study.bearing.operating import measure_reversal
+from anhyst_rigs.study.bearing.operating import measure_slopes
 
 C, GAP, CURRENT = 1e-5, 0.45e-3, 1.75
 
@@ -34,7 +34,7 @@ class Play:
 @pytest.mark.parametrize("reversible", [0.1, 0.15, 0.3, 0.6])
 def test_what_answers_after_a_reversal_is_the_reversible_share(reversible: float) -> None:
     iron = Play(reversible)
-    found = measure_reversal(iron.step, CURRENT, GAP, 0.0, 4.5, 1e-6)
+    found = measure_slopes(iron.step, CURRENT, GAP, 0.0, 4.5, 1e-6)
     # The mean of both branches, whose currents lie 0.06 A apart to either side (rms 0.064 A).
     lag = (1.0 - reversible) * 0.06
     assert found.static.force == pytest.approx(pull(math.hypot(CURRENT, lag), GAP), rel=1e-3)
@@ -43,13 +43,13 @@ def test_what_answers_after_a_reversal_is_the_reversible_share(reversible: float
     for slope, inside in ((found.after_rise, CURRENT - lag), (found.after_fall, CURRENT + lag)):
         expected = reversible * 2.0 * pull(inside, GAP) / inside
         assert slope == pytest.approx(expected, rel=0.01)
-    assert found.share == pytest.approx(reversible * (CURRENT - lag) / CURRENT, rel=0.01)
+    assert found.slope_ratio == pytest.approx(reversible * (CURRENT - lag) / CURRENT, rel=0.01)
     assert found.label == ("pathological" if reversible < 0.25 else "regular")
 
 
 def test_without_hysteresis_nothing_is_lost_at_a_reversal() -> None:
-    found = measure_reversal(pull, CURRENT, GAP, 0.0, 4.5, 1e-6)
-    assert found.share == pytest.approx(1.0, abs=0.01)
+    found = measure_slopes(pull, CURRENT, GAP, 0.0, 4.5, 1e-6)
+    assert found.slope_ratio == pytest.approx(1.0, abs=0.01)
     assert found.static.k_i == pytest.approx(2.0 * pull(CURRENT, GAP) / CURRENT, rel=1e-3)
     assert found.static.k_s == pytest.approx(2.0 * pull(CURRENT, GAP) / 0.5e-3, rel=1e-3)
     assert found.label == "regular"
@@ -57,4 +57,4 @@ def test_without_hysteresis_nothing_is_lost_at_a_reversal() -> None:
 
 def test_a_current_at_the_end_of_the_loop_is_refused() -> None:
     with pytest.raises(ValueError, match="not well within"):
-        measure_reversal(pull, 4.45, GAP, 0.0, 4.5, 1e-6)
+        measure_slopes(pull, 4.45, GAP, 0.0, 4.5, 1e-6)

@@ -16,17 +16,17 @@ from anhyst.compilation.manifest import controller_bytes, state_bytes
 from anhyst.model.actuator import Model
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setup
-from anhyst_rigs.rig.bearing.scenario import steps_up_and_down
+from anhyst_rigs.rig.bearing.scenario import plan_steps
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, identify_magnet
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.magnet_table import SolidTable
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.study.bearing.on_board import build_firmware, count_differences
 from anhyst_rigs.study.bearing.responses import compare_steps
-from anhyst_rigs.study.prepared import PreparedBearing
+from anhyst_rigs.study.prepared_benches import PreparedBearing
 from tests.refusals import refused
 from tests.study import bearings
 from tests.study.test_solid_stage import late
@@ -39,7 +39,7 @@ SOLID = SolidTable(depth_m=10e-3, conductivity_S_per_m=2e6, path_m=0.15)
 @cache
 def solid() -> BodyRig:
     """Return the example, most of the path of its magnet solid."""
-    return changed(
+    return change_rig(
         bearings.example(),
         {
             "magnet.solid": SOLID,
@@ -63,7 +63,7 @@ def block_of(setup: BearingSetup) -> Block:
 
 
 def steps(setup: BearingSetup) -> Scenario:
-    return steps_up_and_down(setup.rig, setup.controller, bearings.GAP, [STEP])
+    return plan_steps(setup.rig, setup.controller, bearings.GAP, [STEP])
 
 
 @pytest.mark.slow
@@ -72,12 +72,12 @@ def test_iron_that_answers_late_stands_still_with_its_layers_and_not_at_rest(
 ) -> None:
     table = bearings.controller().settings
     setups = [make_setup(solid(), table, known(), method, "fixed") for method in METHODS]
-    cells = compare_steps(setups, [bearings.GAP], [STEP], [solid().load], [1, 2], jobs=1)
+    cells = compare_steps(setups, [bearings.GAP], [STEP], [solid().static_load], [1, 2], jobs=1)
     full, still, single = cells
     assert full.lost == still.lost == 0
     assert single.lost == 2
     for figure in ("overshoot_percent", "standstill_rms_m", "force_error_rms_N"):
-        assert full.of(figure).mean < still.of(figure).mean / 2.0
+        assert full.interval(figure).mean < still.interval(figure).mean / 2.0
 
     setup, firmware = build_firmware(solid(), bearings.controller(), known(), "library", tmp_path)
     with closing(BearingBench(setup, firmware)) as running:
@@ -106,7 +106,7 @@ def test_a_board_takes_layers_that_it_has_memories_for_and_never_loses_its_own()
     def layers_of(running: Model, model: Model) -> int:
         block = replace(board, model=running).compile(model).block
         assert isinstance(block, Block)
-        return block.word("SOLID_LAYERS")
+        return block.integer("SOLID_LAYERS")
 
     assert layers_of(late().model, fewer) == 2
     assert layers_of(thin, late().model) == 0

@@ -13,12 +13,12 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.cli.printing import printer, start_printing
-from anhyst.cli.shared import show
-from anhyst.compensate.force_controller import twin_of
+from anhyst.cli.shared import print_parts
+from anhyst.compensate.force_controller import make_twin
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compilation.output import compile_model
 from anhyst.data import History, Loop, Loops
-from anhyst.data.speeds import slow_loops, speeds_of
+from anhyst.data.speeds import group_by_speed, select_slow_loops
 from anhyst.identification import identify
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.dynamics import Layers
@@ -26,12 +26,12 @@ from anhyst.model.schema import CHOSEN
 from anhyst.support.units import QUANTITIES
 from anhyst.verification.verify import verify
 from anhyst_rigs.reports import force
-from anhyst_rigs.reports.force import draw
-from anhyst_rigs.reports.studies import lines_of
+from anhyst_rigs.reports.force import draw_all
+from anhyst_rigs.reports.studies import study_output
 from anhyst_rigs.rig.force.bench import ActuatorStand
-from anhyst_rigs.rig.force.file import Rig, read_rig
+from anhyst_rigs.rig.force.file import ForceControlRig, read_rig
 from anhyst_rigs.rig.from_loops import complete_rig
-from anhyst_rigs.rig.measuring import straight, take
+from anhyst_rigs.rig.measuring import measure_path, sweep_path
 from anhyst_rigs.study.force_control import build_program, force_control
 from anhyst_rigs.verbs.init import init
 from tests.refusals import refused
@@ -130,7 +130,7 @@ def rig_in(folder: Path, magnet: str = MAGNET, solid: str = SOLID, iron: str = I
     return path
 
 
-def measured(rig: Rig, sweeps: tuple[float, ...] = SWEEPS, seed: int = 5) -> Loops:
+def measured(rig: ForceControlRig, sweeps: tuple[float, ...] = SWEEPS, seed: int = 5) -> Loops:
     """Return two cycles at each speed and gap, with the noise of the sensors."""
     loops = []
     for gap in GAPS:
@@ -138,9 +138,9 @@ def measured(rig: Rig, sweeps: tuple[float, ...] = SWEEPS, seed: int = 5) -> Loo
             magnet, sample = rig.magnet(), 2.0 * TOP / (sweep * 200)
             for turn in (TOP, 0.0):
                 magnet.hold(turn, gap)
-            path = straight([0.0, TOP, 0.0, TOP, 0.0], sweep * sample)
-            current, force = take(
-                magnet, rig.instruments([seed, number], sample), gap, path, sample
+            path = sweep_path([0.0, TOP, 0.0, TOP, 0.0], sweep * sample)
+            current, force = measure_path(
+                magnet, rig.make_sensors([seed, number], sample), gap, path, sample
             )
             loops.append(
                 Loop(
@@ -176,7 +176,7 @@ def test_layers_in_the_firmware_leave_a_fraction_of_what_the_model_at_rest_does(
 ) -> None:
     path, _ = foreign(folder)
     run = force_control(path, folder / "run")
-    draw(run)
+    draw_all(run)
     assert run.figures["ticks_that_differ"] == 0
     for stage in ("end", "positions", "moving"):
         found = run.figures["summary"][stage]
@@ -189,7 +189,7 @@ def test_layers_in_the_firmware_leave_a_fraction_of_what_the_model_at_rest_does(
         assert {"full", "at-rest", "simplified"} <= set(outcome.recordings)
     start_printing()
     printer.is_verbose = True
-    show(*lines_of(run, force.printed(run), "run"))
+    print_parts(*study_output(run, force.terminal_summary(run), "run"))
     assert "iron at rest" in capsys.readouterr().out
     manifest = json.loads((run.out / "stroke/full/controller/manifest.json").read_text())
     still = json.loads((run.out / "stroke/at-rest/controller/manifest.json").read_text())
@@ -243,12 +243,14 @@ def test_c_from_loops_at_three_speeds_is_verified_and_leaves_a_fifth_of_what_res
         assert full < most * still, gap
 
 
-def force_at(rig: Rig, gap: float) -> float:
+def force_at(rig: ForceControlRig, gap: float) -> float:
     """Return the force of the largest current; N."""
     return rig.magnet().hold(TOP, gap)
 
 
-def worst_of_the_last_cycle(rig: Rig, model: Model, gap: float, reached: float) -> float:
+def worst_of_the_last_cycle(
+    rig: ForceControlRig, model: Model, gap: float, reached: float
+) -> float:
     """Let a magnet follow triangles of 50 Hz between 10 and 50 % of what it reaches there; N."""
     plan = make_plan(model, CompileRequest("full", "q31", 20e3), 0)
     part = np.arange(1600) / 400.0
@@ -257,7 +259,7 @@ def worst_of_the_last_cycle(rig: Rig, model: Model, gap: float, reached: float) 
         * (0.1 + 0.4 * (1.0 - np.abs(2.0 * (part % 1.0) - 1.0)))
         * np.minimum(2.0 * part, 1.0)
     )
-    current = twin_of(plan.block, "q31").run(demand, np.full(1600, gap))
+    current = make_twin(plan.block, "q31").run(demand, np.full(1600, gap))
     magnet = rig.magnet()
     magnet.hold(0.0, gap)
     force = magnet.run(current, np.full(1600, gap), 1.0 / 20e3)[:, 0]
@@ -308,19 +310,19 @@ def test_solid_iron_is_found_from_loops_of_several_speeds(folder: Path, tmp_path
     whole = complete_rig(given, loops)
     solid = whole.settings.magnet.solid_iron
     assert solid is not None
-    check = whole.check(loops, truth("bearing").at_rest)
+    check = whole.check_plant(loops, truth("bearing").at_rest)
     assert check.plant.mean < 0.006 * check.plant.force_max
-    at_rest = replace(whole, settings=whole.settings.changed({"magnet.solid": None}))
-    speeds = speeds_of(loops)
+    at_rest = replace(whole, settings=whole.settings.with_changes({"magnet.solid": None}))
+    speeds = group_by_speed(loops)
     assert speeds is not None
     fast = loops.with_loops(speeds.fast[-1])
 
-    def off(rig: Rig) -> float:
-        return rig.check(fast, truth("bearing").at_rest).plant.mean
+    def off(rig: ForceControlRig) -> float:
+        return rig.check_plant(fast, truth("bearing").at_rest).plant.mean
 
     assert off(whole) < 0.3 * off(at_rest)
     with refused("one-speed magnet.solid"):
-        complete_rig(given, slow_loops(loops))
+        complete_rig(given, select_slow_loops(loops))
 
 
 @pytest.mark.parametrize(
@@ -355,7 +357,7 @@ def test_a_draft_has_a_solid_plant_where_the_loops_show_one(folder: Path, tmp_pa
     assert settings.timing.rate_Hz == pytest.approx(20e3, rel=0.05)
     assert len(said) == 2
     (tmp_path / "slow").mkdir()
-    slow, said = drafted(tmp_path / "slow", slow_loops(loops))
+    slow, said = drafted(tmp_path / "slow", select_slow_loops(loops))
     assert slow.magnet.solid is None
     assert slow.timing.rate_Hz == 1000.0
     assert len(said) == 1

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.data.speeds import speeds_of
+from anhyst.data.speeds import group_by_speed
 from anhyst.model.dynamics import Layers
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.drift import NO_DRIFT, Drift, changed, draw_drift, drifted_file
+from anhyst_rigs.rig.drift import NO_DRIFT, Drift, change_rig, drifted_file, sample_drift
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, check_plant, identify_magnet
 from anhyst_rigs.rig.magnet_table import SolidTable
-from anhyst_rigs.rig.measuring import loop_texts, measure_loops
+from anhyst_rigs.rig.measuring import loop_file_texts, measure_loops
 from anhyst_rigs.rig.stage.fitted import make_stage
 from anhyst_rigs.rig.stage.loop import Feedforward, track
-from anhyst_rigs.study.plants import ERRORS, errors_of
+from anhyst_rigs.study.plants import ERROR_CASES, varied_errors
 from anhyst_rigs.study.tracking.measures import Measures, measure
 from anhyst_rigs.study.tracking.simulate import make_variants
 from tests.study import bearings, stages
@@ -29,7 +29,7 @@ SOLID = SolidTable(depth_m=4e-3, conductivity_S_per_m=2e6, path_m=0.05)
 def solid(**changes: Any) -> BodyRig:
     """Return the short example with solid iron, its compensators in double precision."""
     given = {"magnet.solid": SOLID, "control.format": "f64"}
-    return changed(stages.stage(), given | changes)
+    return change_rig(stages.stage(), given | changes)
 
 
 @cache
@@ -66,11 +66,11 @@ def test_at_rest_is_the_compensator_of_thin_iron_and_the_other_is_not(number_for
 def test_loops_of_further_speeds_are_measured_in_time() -> None:
     rig = solid(**{"measurement.fast_A_per_s": [45.0, 450.0], "measurement.gaps_m": [0.45e-3]})
     loops = measure_loops(rig)
-    speeds = speeds_of(loops)
+    speeds = group_by_speed(loops)
     assert speeds is not None
     assert [len(group) for group in speeds.fast] == [1, 1]
-    assert speeds.fastest == pytest.approx(50.0, rel=0.02)
-    assert loop_texts(loops, "")["loops.csv"].startswith("t_s,I_A,F_N,gap_m,loop\n0,")
+    assert speeds.fastest_rate == pytest.approx(50.0, rel=0.02)
+    assert loop_file_texts(loops, "")["loops.csv"].startswith("t_s,I_A,F_N,gap_m,loop\n0,")
 
 
 def test_a_plant_is_held_against_slow_loops_alone() -> None:
@@ -83,17 +83,17 @@ def test_a_plant_is_held_against_slow_loops_alone() -> None:
 
 def test_conductivity_drifts_where_there_is_solid_iron() -> None:
     file = solid().settings
-    drawn = draw_drift(file, np.random.default_rng(1))
+    drawn = sample_drift(file, np.random.default_rng(1))
     assert drawn.conductivity != 0.0
-    plain = draw_drift(stages.stage().settings, np.random.default_rng(1))
+    plain = sample_drift(stages.stage().settings, np.random.default_rng(1))
     assert replace(drawn, conductivity=0.0) == plain
     moved = drifted_file(file, Drift(conductivity=0.1)).magnet.solid
     assert moved is not None
     assert moved.conductivity_S_per_m == pytest.approx(2.2e6)
-    plain_cases = errors_of(stages.stage().settings)
-    assert set(errors_of(file)) - set(plain_cases) == {"conductivity"}
-    assert {"gap zero", "eddy lag", "all"} < set(plain_cases) < set(ERRORS)
-    assert drawn.alone(errors_of(file)["all"]) == drawn
+    plain_cases = varied_errors(stages.stage().settings)
+    assert set(varied_errors(file)) - set(plain_cases) == {"conductivity"}
+    assert {"gap zero", "eddy lag", "all"} < set(plain_cases) < set(ERROR_CASES)
+    assert drawn.select(varied_errors(file)["all"]) == drawn
 
 
 @pytest.mark.slow

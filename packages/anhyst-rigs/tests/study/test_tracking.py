@@ -15,14 +15,14 @@ from anhyst._core import WrenchLayout
 from anhyst.control.position import Allocation
 from anhyst.data.table import read_columns
 from anhyst.support.kinds import MethodName
-from anhyst_rigs.reports.tracking import limits, render
-from anhyst_rigs.rig.drift import Drift, changed, draw_drift
-from anhyst_rigs.rig.recording import Recording, moving
-from anhyst_rigs.rig.stage.loop import Feedforward, pid, track
-from anhyst_rigs.rig.stage.setpoint import ticks_of
-from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
-from anhyst_rigs.study.plants import ERRORS
-from anhyst_rigs.study.tracking.measures import Measures, cruises, measure, settling
+from anhyst_rigs.reports.tracking import limit_texts, render
+from anhyst_rigs.rig.drift import Drift, change_rig, sample_drift
+from anhyst_rigs.rig.recording import Recording, moving_statistics
+from anhyst_rigs.rig.stage.loop import Feedforward, pid_coefficients, track
+from anhyst_rigs.rig.stage.setpoint import motion_ticks
+from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
+from anhyst_rigs.study.plants import ERROR_CASES
+from anhyst_rigs.study.tracking.measures import Measures, cruise_slices, measure, settling_times
 from anhyst_rigs.study.tracking.simulate import find_gains
 from tests.study import stages
 
@@ -46,7 +46,7 @@ def test_both_magnets_always_pull_and_their_difference_is_the_net_force(
 def test_a_set_point_keeps_its_limits_and_its_derivatives_belong_together() -> None:
     motion = stages.unseen(stages.stage())
     time = np.arange(0.0, motion.duration, 2e-5)
-    position, acceleration, jerk, snap = motion.at(time)
+    position, acceleration, jerk, snap = motion.derivatives_at(time)
     speed = np.gradient(position, time)
     assert np.abs(acceleration).max() == pytest.approx(22.0, rel=1e-6)
     assert np.abs(jerk).max() == pytest.approx(22.0 / 5.5e-3, rel=1e-6)
@@ -61,12 +61,12 @@ def test_a_path_of_half_a_minute_keeps_its_picometres() -> None:
     motion = replace(stages.unseen(stages.stage()), peaks=(22.0,) * 50, cruise=0.4)
     time = motion.duration - np.arange(0.0, 1.0, 5e-5)[::-1]
     jerk = 22.0 / 5.5e-3
-    assert np.abs(np.diff(motion.at(time)[0], 3)).max() < 1.1 * jerk * 5e-5**3
+    assert np.abs(np.diff(motion.derivatives_at(time)[0], 3)).max() < 1.1 * jerk * 5e-5**3
 
 
 def test_a_load_that_nobody_told_pushes_to_larger_positions_until_the_loop_holds_it() -> None:
     setup, motion = stages.setup("full"), stages.training()
-    load = np.full(ticks_of(setup.rig, motion), 3.0)
+    load = np.full(motion_ticks(setup.rig, motion), 3.0)
     alone, pushed = (track(setup, motion, Feedforward(), 1, load=given) for given in (None, load))
     assert pushed["position_m"][:200].max() > 20e-9 > alone["position_m"][:200].max()
     more = pushed["demand_N"] - alone["demand_N"]
@@ -77,7 +77,7 @@ def test_gains_weigh_the_moving_average_as_the_rig_file_says() -> None:
     setup, motion = stages.setup("full"), stages.training()
 
     def left(weight: float) -> Measures:
-        rig = changed(setup.rig, {"scan.average_weight": weight})
+        rig = change_rig(setup.rig, {"scan.average_weight": weight})
         gains = find_gains(replace(setup, rig=rig), motion)
         return measure(track(setup, motion, gains, 0), motion, SLIT)
 
@@ -88,7 +88,7 @@ def test_gains_weigh_the_moving_average_as_the_rig_file_says() -> None:
 
 def test_the_loop_crosses_where_the_file_says_with_room_for_its_delay() -> None:
     rig = stages.stage()
-    omega, c = 2.0 * np.pi * 130.0, pid(rig)
+    omega, c = 2.0 * np.pi * 130.0, pid_coefficients(rig)
     back = np.exp(-1j * omega * rig.dt)
     control = (c["b0"] + c["b1"] * back + c["b2"] * back**2) / (
         1.0 + c["a1"] * back + c["a2"] * back**2
@@ -115,7 +115,7 @@ def test_pid_and_allocation_in_fixed_point_follow_like_those_in_double_precision
     made = stages.setup("full")
     motion = stages.unseen(made.rig)
     real = track(made, motion, Feedforward())
-    fixed = track(replace(made, law="fixed"), motion, Feedforward())
+    fixed = track(replace(made, number_format="fixed"), motion, Feedforward())
     assert fixed.loss is None
     assert np.abs(fixed["gap_m"] - real["gap_m"]).max() < 1e-9
     assert np.abs(fixed["demand_N"] - real["demand_N"]).max() < 1e-5 * 250.0
@@ -124,18 +124,20 @@ def test_pid_and_allocation_in_fixed_point_follow_like_those_in_double_precision
 
 @pytest.mark.slow
 def test_compensation_pays_on_a_set_point_that_was_never_tuned_on() -> None:
-    found = stages.study().tried
+    found = stages.study().variants
     own, plain, play = found["full"], found["single-valued"], found["play"]
     for name, reach in (("peak_m", 0.4), ("average_m", 0.2), ("settling_50_s", 0.4)):
-        assert own.of(name).mean <= reach * plain.of(name).mean, name
-    assert own.of("peak_m").mean < play.of("peak_m").mean < plain.of("peak_m").mean
+        assert own.interval(name).mean <= reach * plain.interval(name).mean, name
+    assert (
+        own.interval("peak_m").mean < play.interval("peak_m").mean < plain.interval("peak_m").mean
+    )
 
 
 @pytest.mark.slow
 def test_fixed_point_follows_floating_point_and_the_plant_is_fine_enough() -> None:
     def error(format_: str, substeps: int) -> np.ndarray:
         made = stages.setup("full", substeps, format=format_)
-        return track(made, stages.unseen(made.rig), stages.study().tried["full"].gains, 1)[
+        return track(made, stages.unseen(made.rig), stages.study().variants["full"].gains, 1)[
             "error_m"
         ]
 
@@ -147,8 +149,8 @@ def test_fixed_point_follows_floating_point_and_the_plant_is_fine_enough() -> No
 
 @pytest.mark.slow
 def test_learning_converges_on_a_good_law_and_not_on_a_curve() -> None:
-    found = stages.study().tried
-    own, plain = found["full"].trials_m, found["single-valued"].trials_m
+    found = stages.study().variants
+    own, plain = found["full"].learning_peaks_m, found["single-valued"].learning_peaks_m
     assert own[-1] <= 0.2 * own[0]
     assert plain[-1] > 10.0 * own[-1]
 
@@ -156,7 +158,7 @@ def test_learning_converges_on_a_good_law_and_not_on_a_curve() -> None:
 @pytest.mark.slow
 def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
     made = stages.setup("full")
-    motion, forward = stages.unseen(made.rig), stages.study().tried["full"].gains
+    motion, forward = stages.unseen(made.rig), stages.study().variants["full"].gains
 
     def average(drift: Drift) -> float:
         return measure(
@@ -170,27 +172,27 @@ def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
 
 
 def test_a_plant_is_drawn_with_errors_of_its_kind_alone() -> None:
-    drawn = draw_drift(stages.stage().settings, np.random.default_rng(1))
+    drawn = sample_drift(stages.stage().settings, np.random.default_rng(1))
     one, two = drawn.magnets
     assert 0.0 != one.pinning != two.pinning
     pinned = tuple(Drift(pinning=magnet.pinning) for magnet in drawn.magnets)
-    assert drawn.alone(("pinning",)) == Drift(magnets=pinned)
+    assert drawn.select(("pinning",)) == Drift(magnets=pinned)
     assert drawn.eddy > 0.0
-    assert drawn.alone(ERRORS["all"]) == drawn
+    assert drawn.select(ERROR_CASES["all"]) == drawn
 
 
 def test_measures_say_what_they_say() -> None:
     made = stages.setup("full")
     motion = stages.unseen(made.rig)
-    run = track(made, motion, stages.study().tried["full"].gains, 1)
-    scans = cruises(motion, run.dt)
+    run = track(made, motion, stages.study().variants["full"].gains, 1)
+    scans = cruise_slices(motion, run.dt)
     assert len(scans) == 2
     whole = measure(run, motion, SLIT)
-    mean, spread = moving(run["error_m"], 200)
+    mean, spread = moving_statistics(run["error_m"], 200)
     assert mean[1000] == pytest.approx(np.mean(run["error_m"][1000:1200]), abs=1e-18)
     assert spread[1000] == pytest.approx(np.std(run["error_m"][1000:1200]), rel=1e-3)
-    assert settling(run, motion, 1.0) == [0.0, 0.0]
-    assert settling(run, motion, 0.0) == pytest.approx([0.03, 0.03])
+    assert settling_times(run, motion, 1.0) == [0.0, 0.0]
+    assert settling_times(run, motion, 0.0) == pytest.approx([0.03, 0.03])
     assert whole.peak_m >= whole.average_m
     assert isinstance(whole, Measures)
 
@@ -209,12 +211,12 @@ def test_each_baseline_has_a_sentence_and_the_page_shows_every_variant(tmp_path:
 
 def test_a_compensator_that_is_no_better_is_called_not_worth_it() -> None:
     study = stages.study()
-    swapped = dict(study.tried) | {"full": study.tried["single-valued"]}
-    found = replace(study, tried=swapped).verdicts["single-valued"]
+    swapped = dict(study.variants) | {"full": study.variants["single-valued"]}
+    found = replace(study, variants=swapped).verdicts["single-valued"]
     assert found.sentence.startswith(
         "Not worth it here: alike within the noise: peak 1, moving average 1, "
     )
-    assert "nothing to gain" in limits(replace(study, tried=swapped))[0]
+    assert "nothing to gain" in limit_texts(replace(study, variants=swapped))[0]
 
 
 def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> None:
@@ -223,30 +225,30 @@ def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> 
     found = study.verdict
     assert found.level == "yes"
     assert "against the strongest baseline without hysteresis model, less: peak 0." in found.text
-    own, play = study.tried["full"], study.tried["play"]
+    own, play = study.variants["full"], study.variants["play"]
     quick = tuple(replace(one, settling_50_s=0.0) for one in play.measures)
     slow = tuple(replace(one, settling_50_s=0.01) for one in own.measures)
-    tried = dict(study.tried)
+    tried = dict(study.variants)
     tried["play"], tried["full"] = replace(play, measures=quick), replace(own, measures=slow)
-    beaten = replace(study, tried=tried)
+    beaten = replace(study, variants=tried)
     found = beaten.verdict
     assert found.level == "mixed"
-    assert found.text.endswith(WHERE_IT_PAYS["stage"])
+    assert found.text.endswith(BENEFICIAL_CONDITIONS["stage"])
     assert "less: peak 0." in found.text
     assert "more: settling to 50 nm more than 0 of 'play'" in found.text
     assert beaten.verdicts["play"].level == "mixed"
 
 
 def test_a_standstill_that_is_quiet_anyway_is_named_so() -> None:
-    assert "within 10 nm without it" in limits(stages.study())[1]
+    assert "within 10 nm without it" in limit_texts(stages.study())[1]
 
 
 def test_the_table_and_the_picture_of_a_study_hold_every_variant(tmp_path: Path) -> None:
     found = stages.study()
     table = found.to_dataframe().set_index("variant")
-    assert list(table.index) == list(found.tried)
+    assert list(table.index) == list(found.variants)
     assert table.loc["full", "peak_m"] < table.loc["single-valued", "peak_m"]
-    assert len(found.plot(Figure().add_subplot()).lines) == len(found.tried)
+    assert len(found.plot(Figure().add_subplot()).lines) == len(found.variants)
 
 
 @pytest.mark.first(1)
@@ -258,10 +260,12 @@ def test_the_recording_of_a_stage_is_of_the_format_that_its_name_says(
     found.save(tmp_path / name)
     assert (tmp_path / "figures.json").is_file()
     table = read_columns(tmp_path / name)
-    place = table.opened.find("error_m")
-    place = table.opened.find("error") if place is None else place
+    place = table.source_table.find("error_m")
+    place = table.source_table.find("error") if place is None else place
     assert place is not None
-    assert np.array_equal(np.asarray(table.columns[place]), found.tried["full"].shown["error_m"])
+    assert np.array_equal(
+        np.asarray(table.columns[place]), found.variants["full"].recording["error_m"]
+    )
 
 
 @pytest.mark.slow

@@ -7,17 +7,17 @@ from dataclasses import replace
 
 import pytest
 
-from anhyst_rigs.study.tuning.aims import LOST, Aims, Figures, worst_of
+from anhyst_rigs.study.tuning.aims import LOST_BODY_COST, Aims, BearingFigures, merge_worst_figures
 from tests.refusals import refused
 
-GOOD = Figures(4e-3, 2.0, 20e-9, 400.0, 1.0)
+GOOD = BearingFigures(4e-3, 2.0, 20e-9, 400.0, 1.0)
 
 
 def test_gains_that_are_allowed_are_ordered_by_their_settling() -> None:
     aims = Aims()
     assert aims.cost(GOOD) == 4e-3
     assert aims.cost(replace(GOOD, overshoot_percent=1.9, peak_sensitivity=2.9)) == 4e-3
-    assert aims.misses(GOOD) == {}
+    assert aims.missed_by(GOOD) == {}
 
 
 def test_gains_that_miss_an_aim_cost_more_the_more_they_miss() -> None:
@@ -28,18 +28,18 @@ def test_gains_that_miss_an_aim_cost_more_the_more_they_miss() -> None:
     costs = [aims.cost(one) for one in (slow, little, more)]
     assert costs == sorted(costs)
     assert costs[0] < costs[1]
-    assert set(aims.misses(more)) == {"overshoot_percent", "standstill_rms_m"}
-    assert aims.misses(more)["overshoot_percent"] == pytest.approx(0.5)
+    assert set(aims.missed_by(more)) == {"overshoot_percent", "standstill_rms_m"}
+    assert aims.missed_by(more)["overshoot_percent"] == pytest.approx(0.5)
 
 
 def test_not_to_settle_is_a_miss_without_any_limit() -> None:
     never = replace(GOOD, settling_time_s=math.inf)
-    assert set(Aims().misses(never)) == {"settling_time_s"}
-    assert Aims().cost(GOOD) < Aims().cost(never) < LOST
+    assert set(Aims().missed_by(never)) == {"settling_time_s"}
+    assert Aims().cost(GOOD) < Aims().cost(never) < LOST_BODY_COST
 
 
 def test_everything_infinite_is_worse_than_a_miss_and_has_a_cost() -> None:
-    nothing = Figures.lost()
+    nothing = BearingFigures.for_lost_body()
     cost = Aims(standstill_rms_m=1e-8).cost(nothing)
     assert math.isfinite(cost)
     assert cost > Aims().cost(replace(GOOD, overshoot_percent=3.0))
@@ -47,13 +47,13 @@ def test_everything_infinite_is_worse_than_a_miss_and_has_a_cost() -> None:
 
 def test_the_worst_is_taken_figure_by_figure() -> None:
     other = replace(GOOD, overshoot_percent=0.1, peak_sensitivity=2.5)
-    assert worst_of([GOOD, other]) == replace(GOOD, peak_sensitivity=2.5)
+    assert merge_worst_figures([GOOD, other]) == replace(GOOD, peak_sensitivity=2.5)
 
 
 def test_tightened_aims_change_only_what_is_named() -> None:
-    aims = Aims(settling_time_s=5e-3).tightened({"peak_sensitivity": 0.5})
+    aims = Aims(settling_time_s=5e-3).with_scaled_limits({"peak_sensitivity": 0.5})
     assert aims == Aims(settling_time_s=5e-3, peak_sensitivity=1.5)
-    assert Aims().tightened({"peak_sensitivity": 0.1}).peak_sensitivity > 1.0
+    assert Aims().with_scaled_limits({"peak_sensitivity": 0.1}).peak_sensitivity > 1.0
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ import pytest
 from anhyst.cli import app as cli
 from anhyst.control.controller_file import read_controller
 from anhyst.model.writer import write_model
-from anhyst_rigs.study.bearing.simulate import compared
+from anhyst_rigs.study.bearing.simulate import compared_variants
 from anhyst_rigs.study.tuning import search
 from anhyst_rigs.verbs.tune import tune as command
 from tests.cli.command import Result, quick, refused, shares_said, speaking
@@ -113,7 +113,7 @@ def test_aims_that_cannot_be_met_are_a_negative_result_after_per_cents_of_the_wa
 def test_all_variants_are_tuned_alike_and_compared(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("anhyst_rigs.study.bearing.simulate.COMPARED", ("ratio", "flux"))
+    monkeypatch.setattr("anhyst_rigs.study.bearing.simulate.COMPARED_VARIANTS", ("ratio", "flux"))
     monkeypatch.chdir(here)
     given = ["tune", "rig.toml", "--out", "tuned", "--budget", "10", "--all-variants"]
     assert cli.main(given) == 0
@@ -130,12 +130,12 @@ def test_all_variants_are_tuned_alike_and_compared(
 
 def test_every_variant_is_compared_and_flux_only_with_a_probe() -> None:
     rig = bearings.example()
-    names = compared(rig, "secant")
+    names = compared_variants(rig, "secant")
     assert set(names) == {
         *("ratio", "linearised", "single-valued", "play", "flux", "simplified", "full", "secant")
     }
     blind = bearings.without_probe(rig)
-    assert set(compared(blind, "full")) == {
+    assert set(compared_variants(blind, "full")) == {
         *("ratio", "secant", "linearised", "single-valued", "play", "simplified", "full")
     }
 
@@ -168,15 +168,15 @@ def test_a_controller_that_does_not_fit_leaves_nothing_behind(here: Path) -> Non
 def test_ctrl_c_keeps_the_best_so_far(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    attempt = search.GainSearch._try
+    attempt = search.GainSearch._evaluate_points
 
     def stop(self: search.GainSearch, *given: Any) -> Any:
         found = attempt(self, *given)
-        if self._tried >= 15:
+        if self._tried_count >= 15:
             raise KeyboardInterrupt
         return found
 
-    monkeypatch.setattr(search.GainSearch, "_try", stop)
+    monkeypatch.setattr(search.GainSearch, "_evaluate_points", stop)
     monkeypatch.chdir(here)
     assert cli.main(["tune", "rig.toml", "--out", "tuned", "--budget", "100"]) == 130
     kept = str(Path("tuned") / "controller.toml")
@@ -201,4 +201,4 @@ def test_ctrl_c_before_any_gains_writes_nothing(
 
 
 def test_the_budget_of_the_command_is_that_of_the_function() -> None:
-    assert inspect.signature(command).parameters["budget"].default == search.BUDGET
+    assert inspect.signature(command).parameters["budget"].default == search.DEFAULT_BUDGET

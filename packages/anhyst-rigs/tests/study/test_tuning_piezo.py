@@ -13,11 +13,17 @@ import pytest
 import anhyst_rigs
 from anhyst.cli.app import main
 from anhyst.support.numeric import FloatArray, rms
-from anhyst_rigs.rig.piezo import PiezoRig, notch_of, read_piezo_rig
-from anhyst_rigs.rig.recording import peak
+from anhyst_rigs.rig.piezo import PiezoRig, make_notch, read_piezo_rig
+from anhyst_rigs.rig.recording import peak_deviation
 from anhyst_rigs.study import piezo
 from anhyst_rigs.study.tuning.aims import Aims
-from anhyst_rigs.study.tuning.piezo import CONDITIONS, DRAWN, FRESH, NOMINAL, PiezoLoop
+from anhyst_rigs.study.tuning.piezo import (
+    CHECK_CONDITIONS,
+    NOMINAL,
+    RANDOM_PLANTS,
+    SEARCH_CONDITIONS,
+    PiezoLoop,
+)
 from anhyst_rigs.study.tuning.search import GainSearch
 from tests.refusals import refused
 from tests.study.test_excite import piezo as piezo_file
@@ -27,13 +33,13 @@ def straight_rig(folder: Path, **keys: float) -> PiezoRig:
     """A piezo stage of which nothing but resonance, delay and feedback is left."""
     none = {"slope_m_per_V": 1e-15, "bend_m_per_V2": 0.0, "noise_m": 1e-6, "step_m": 1e-12}
     rig = read_piezo_rig(piezo_file(folder, **(none | keys)))
-    still = rig.settings.changed({"stack.creep_shares": [0.0] * 4})
+    still = rig.settings.with_changes({"stack.creep_shares": [0.0] * 4})
     return replace(rig, settings=still)
 
 
 def loop_of(rig: PiezoRig) -> PiezoLoop:
     """The same behind a constant, which is its inverse."""
-    return PiezoLoop(rig, piezo._constant(piezo.measure(rig), rig))
+    return PiezoLoop(rig, piezo._constant_inverse(piezo.measure_stage_loops(rig), rig))
 
 
 class Sine:
@@ -52,7 +58,7 @@ def test_the_linear_loop_has_the_sensitivity_of_the_simulated_one(
 ) -> None:
     rig = straight_rig(tmp_path, resonance_Hz=resonance, rate_Hz=rate, bandwidth_Hz=resonance / 4)
     loop = loop_of(rig)
-    size, at = loop.margin([NOMINAL])
+    size, at = loop.sensitivity_peak([NOMINAL])
     assert 1.1 < size < 4.0
     periods = 40
     ticks = round(periods * rate / at)
@@ -60,7 +66,7 @@ def test_the_linear_loop_has_the_sensitivity_of_the_simulated_one(
     target = np.full(4 * ticks, 20e-6)
     with monkeypatch.context() as patched:
         patched.setattr(np.random, "default_rng", lambda seed: Sine(omega))
-        run = piezo.follow(rig, target, loop.inverse)
+        run = piezo.follow_reference(rig, target, loop.inverse)
     settled = slice(3 * ticks, 4 * ticks)
     read = run["position_m"] - 20e-6 + 1e-6 * np.sin(omega * np.arange(4 * ticks))
     measured = math.sqrt(2.0) * float(np.std(read[settled])) / 1e-6
@@ -73,17 +79,21 @@ def test_a_loop_is_unstable_where_the_simulated_one_is_lost(part: float, tmp_pat
     loop = loop_of(rig)
 
     def at(bandwidth: float) -> PiezoLoop:
-        changed = loop.rig.settings.changed({"control.bandwidth_Hz": bandwidth})
+        changed = loop.rig.settings.with_changes({"control.bandwidth_Hz": bandwidth})
         return replace(loop, rig=replace(rig, settings=changed))
 
     low, high = 100.0, 5000.0
     for _ in range(30):
         middle = math.sqrt(low * high)
         low, high = (
-            (middle, high) if math.isfinite(at(middle).margin([NOMINAL])[0]) else (low, middle)
+            (middle, high)
+            if math.isfinite(at(middle).sensitivity_peak([NOMINAL])[0])
+            else (low, middle)
         )
     tried = at(part * low)
-    run = piezo.follow(tried.rig, np.minimum(2e-9 * np.arange(20_000.0), 20e-6), loop.inverse)
+    run = piezo.follow_reference(
+        tried.rig, np.minimum(2e-9 * np.arange(20_000.0), 20e-6), loop.inverse
+    )
     assert (run.loss is not None) is (part > 1.0)
     assert (rms(run["error_m"][-2000:]) < 1e-6) is (part < 1.0)
 
@@ -91,8 +101,8 @@ def test_a_loop_is_unstable_where_the_simulated_one_is_lost(part: float, tmp_pat
 def test_a_plant_that_rings_elsewhere_has_less_margin(tmp_path: Path) -> None:
     rig = straight_rig(tmp_path, damping_ratio=0.005, bandwidth_Hz=250.0)
     loop = loop_of(rig)
-    assert loop.margin(CONDITIONS)[0] > 1.1 * loop.margin([NOMINAL])[0]
-    assert not {one.number for one in FRESH} & {one.number for one in CONDITIONS}
+    assert loop.sensitivity_peak(SEARCH_CONDITIONS)[0] > 1.1 * loop.sensitivity_peak([NOMINAL])[0]
+    assert not {one.number for one in CHECK_CONDITIONS} & {one.number for one in SEARCH_CONDITIONS}
 
 
 @pytest.mark.slow
@@ -102,21 +112,21 @@ def test_gains_are_found_that_serve_plants_which_were_not_searched_on(tmp_path: 
     result = GainSearch(loop, Aims(None, 2.0), 20, jobs=1).run()
     assert result.check is not None
     assert result.figures.peak_sensitivity <= 2.0
-    before = [loop.figures(one, Aims(None), math.inf, 0) for one in FRESH]
+    before = [loop.figures(one, Aims(None), math.inf, 0) for one in CHECK_CONDITIONS]
     worst = max(one.error_rms_m for one in before if one is not None)
-    assert result.check.figures[DRAWN].cost < 0.6 * worst
-    limits = result.loop.limits(Aims(None, 2.0), result.check, 0, 1)
+    assert result.check.figures[RANDOM_PLANTS].cost < 0.6 * worst
+    limits = result.loop.find_limits(Aims(None, 2.0), result.check, 0, 1)
     assert any(one.what == "peak_sensitivity" for one in limits)
 
 
 def test_a_notch_where_none_is_stated_is_the_one_at_the_resonance(tmp_path: Path) -> None:
     rig = read_piezo_rig(piezo_file(tmp_path))
-    stated = rig.settings.changed(
+    stated = rig.settings.with_changes(
         {"control.notch_Hz": 480.0, "control.notch_damping": 0.03, "control.notch_width": 0.7}
     )
-    assert np.array_equal(notch_of(stated), notch_of(rig.settings))
+    assert np.array_equal(make_notch(stated), make_notch(rig.settings))
     with refused("rate-too-low timing.rate_Hz: 800; 480 Hz"):
-        notch_of(rig.settings.changed({"timing.rate_Hz": 800.0}))
+        make_notch(rig.settings.with_changes({"timing.rate_Hz": 800.0}))
 
 
 def test_what_is_not_for_a_piezo_stage_is_refused(tmp_path: Path) -> None:
@@ -146,11 +156,17 @@ def test_a_tuned_piezo_stage_is_simulated_and_its_plants_do_better(
     errors = []
     for rig in rigs:
         inverse = piezo.find_inverses(rig)["full"]
-        drawn = [one.plant(rig.settings)[0] for one in FRESH]
-        wanted = piezo.reference(rig)
-        runs = [piezo.follow(rig, wanted, inverse, replace(rig, settings=one)) for one in drawn]
+        drawn = [one.plant(rig.settings)[0] for one in CHECK_CONDITIONS]
+        wanted = piezo.make_reference(rig)
+        runs = [
+            piezo.follow_reference(rig, wanted, inverse, replace(rig, settings=one))
+            for one in drawn
+        ]
         assert all(run.loss is None for run in runs)
-        errors.append([rms(run["error_m"][piezo.judged_from(rig) :]) for run in runs])
-        assert all(peak(run["error_m"][piezo.judged_from(rig) :]) < 0.5e-6 for run in runs)
+        errors.append([rms(run["error_m"][piezo.first_evaluated_tick(rig) :]) for run in runs])
+        assert all(
+            peak_deviation(run["error_m"][piezo.first_evaluated_tick(rig) :]) < 0.5e-6
+            for run in runs
+        )
     assert max(errors[1]) < 0.7 * max(errors[0])
     assert np.median(errors[1]) < 0.8 * np.median(errors[0])

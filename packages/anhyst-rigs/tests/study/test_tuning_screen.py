@@ -9,14 +9,14 @@ import pytest
 
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.study.bearing.linear import LinearLoop
-from anhyst_rigs.study.bearing.operating import find_operating_point, linear_loop
-from anhyst_rigs.study.tuning.aims import MISSED, Aims
-from anhyst_rigs.study.tuning.search import Screen, closed_loop, make_screen, refine
-from anhyst_rigs.study.tuning.trial import GainSpace
+from anhyst_rigs.study.bearing.operating import find_operating_point, make_linear_loop
+from anhyst_rigs.study.tuning.aims import MISSED_AIM_COST, Aims
+from anhyst_rigs.study.tuning.search import Screen, closed_loop_matrices, make_screen, minimise_cost
+from anhyst_rigs.study.tuning.trial import BearingSpace
 from tests.study import bearings
 from tests.study.small_tuning import HERE, setup
 
-SPACE = GainSpace(20e3, 2.0)
+SPACE = BearingSpace(20e3, 2.0)
 LIKE = bearings.controller().settings
 PLACES = np.array(
     [
@@ -31,13 +31,13 @@ PLACES = np.array(
 def loops() -> list[LinearLoop]:
     at = find_operating_point(setup().rig)
     return [
-        linear_loop(replace(setup(), controller=SPACE.controller(place, LIKE)), at)
+        make_linear_loop(replace(setup(), controller=SPACE.make_controller_table(place, LIKE)), at)
         for place in PLACES
     ]
 
 
 def test_poles_are_those_of_the_linear_loop() -> None:
-    matrix, _ = closed_loop(loops()[0], SPACE.per_tick(PLACES, LIKE))
+    matrix, _ = closed_loop_matrices(loops()[0], SPACE.gains_per_tick(PLACES, LIKE))
     for one, loop in zip(matrix, loops(), strict=True):
         own = np.linalg.eigvals(one)
         for pole in loop.poles:
@@ -46,7 +46,7 @@ def test_poles_are_those_of_the_linear_loop() -> None:
 
 def test_peaks_are_those_of_the_linear_loop() -> None:
     screen = Screen(loops()[:1], [1e9], 0.03)
-    found = screen.look(SPACE.per_tick(PLACES, LIKE)).peak_sensitivity
+    found = screen.evaluate(SPACE.gains_per_tick(PLACES, LIKE)).peak_sensitivity
     for peak, loop in zip(found[:3], loops()[:3], strict=True):
         assert peak == pytest.approx(loop.margins.peak, rel=0.01)
         assert peak <= loop.margins.peak * (1.0 + 1e-9)
@@ -74,7 +74,7 @@ def step_response(loop: LinearLoop, ticks: int) -> tuple[np.ndarray, np.ndarray]
 def test_steps_are_those_of_the_controller_run_tick_by_tick() -> None:
     reserve = 1.5e6
     screen = Screen(loops()[:1], [reserve], 0.03)
-    found = screen.look(SPACE.per_tick(PLACES, LIKE))
+    found = screen.evaluate(SPACE.gains_per_tick(PLACES, LIKE))
     for place, loop in enumerate(loops()[:3]):
         position, demand = step_response(loop, 600)
         outside = np.flatnonzero(np.abs(position - 1.0) > 0.02)
@@ -86,11 +86,11 @@ def test_steps_are_those_of_the_controller_run_tick_by_tick() -> None:
 
 
 def test_what_is_unstable_never_settles_and_is_no_good() -> None:
-    assert not loops()[3].stable
+    assert not loops()[3].is_stable
     screen = Screen(loops()[:1], [1e9], 0.03)
-    found = screen.look(SPACE.per_tick(PLACES, LIKE))
+    found = screen.evaluate(SPACE.gains_per_tick(PLACES, LIKE))
     assert np.isinf(found.settling_time_s[3])
-    assert found.costs(Aims(), 0.03)[3] > MISSED
+    assert found.costs(Aims(), 0.03)[3] > MISSED_AIM_COST
 
 
 @pytest.mark.slow
@@ -99,14 +99,14 @@ def test_refined_gains_meet_the_aims_of_linear_loops_and_use_what_they_are_given
 
     def settling(one: Screen, aims: Aims) -> float:
         def costs(places: FloatArray) -> FloatArray:
-            return one.look(SPACE.per_tick(places, LIKE)).costs(aims, one.horizon)
+            return one.evaluate(SPACE.gains_per_tick(places, LIKE)).costs(aims, one.horizon_s)
 
-        best = refine(costs, len(SPACE.axes), 0)
-        found = one.look(SPACE.per_tick(best[None, :], LIKE))
+        best = minimise_cost(costs, len(SPACE.axes), 0)
+        found = one.evaluate(SPACE.gains_per_tick(best[None, :], LIKE))
         assert found.overshoot_percent[0] <= 2.0
         assert found.peak_sensitivity[0] <= aims.peak_sensitivity
         assert found.effort[0] <= 1.0
         return float(found.settling_time_s[0])
 
-    assert settling(screen.stronger(3.0), Aims()) < settling(screen, Aims())
+    assert settling(screen.with_scaled_force(3.0), Aims()) < settling(screen, Aims())
     assert settling(screen, Aims()) < settling(screen, Aims(peak_sensitivity=1.45))

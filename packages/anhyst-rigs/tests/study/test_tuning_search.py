@@ -11,8 +11,8 @@ import pytest
 from anhyst_rigs.study.tuning import search as module
 from anhyst_rigs.study.tuning.aims import Aims
 from anhyst_rigs.study.tuning.bearing import BearingLoop
-from anhyst_rigs.study.tuning.search import FoundGains, GainSearch
-from anhyst_rigs.study.tuning.trial import Condition, GainOutcome, run_trial
+from anhyst_rigs.study.tuning.search import GainSearch, SearchResult
+from anhyst_rigs.study.tuning.trial import BearingCondition, GainOutcome, run_trial
 from tests.study import bearings
 from tests.study.small_tuning import HERE, LESS, loop, setup
 
@@ -20,7 +20,7 @@ BUDGET = 20
 
 
 @cache
-def found(jobs: int = 1) -> FoundGains:
+def found(jobs: int = 1) -> SearchResult:
     return GainSearch(loop(), Aims(), BUDGET, seed=0, jobs=jobs).run()
 
 
@@ -29,9 +29,9 @@ def test_the_gains_found_meet_the_aims_and_settle_sooner_than_before() -> None:
     result = found()
     assert result.check is not None
     assert set(result.check.figures) == set(HERE)
-    assert Aims().misses(result.figures) == {}
-    assert result.figures.settling_time_s < 0.85 * result.before.worst.settling_time_s
-    assert result.tried >= BUDGET
+    assert Aims().missed_by(result.figures) == {}
+    assert result.figures.settling_time_s < 0.85 * result.initial_outcome.worst.settling_time_s
+    assert result.tried_count >= BUDGET
     assert not result.interrupted
 
 
@@ -71,9 +71,9 @@ def test_a_limit_of_the_peak_is_kept_by_the_measured_one() -> None:
 def test_aims_that_cannot_be_met_end_with_the_best_and_what_limits() -> None:
     aims = Aims(settling_time_s=1e-3)
     result = GainSearch(loop(HERE[:1]), aims, 10, jobs=1).run()
-    assert "settling_time_s" in aims.misses(result.figures)
+    assert "settling_time_s" in aims.missed_by(result.figures)
     assert result.check is not None
-    limits = result.loop.limits(aims, result.check, seed=0, jobs=1)
+    limits = result.loop.find_limits(aims, result.check, seed=0, jobs=1)
     missed = next(one for one in limits if one.what == "settling_time_s")
     assert "misses its limit of 1 ms at 0.45 mm and 150 N" in missed.text
     helps = [one for one in limits if "linear loops would settle" in one.text]
@@ -111,6 +111,6 @@ def test_ctrl_c_before_any_gains_leaves_nothing(monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.slow
 def test_a_pair_of_magnets_is_tuned_too() -> None:
     pair = bearings.with_rig(bearings.pair("linearised"), LESS)
-    here = (Condition(bearings.GAP, 20.0),)
+    here = (BearingCondition(bearings.GAP, 20.0),)
     result = GainSearch(BearingLoop(pair, here), Aims(), 10, jobs=1).run()
-    assert Aims().misses(result.figures) == {}
+    assert Aims().missed_by(result.figures) == {}

@@ -18,12 +18,12 @@ from anhyst.cli import app as cli
 from anhyst.support.errors import Interrupted
 from anhyst_rigs.rig.stage.file import read_stage
 from anhyst_rigs.rig.stage.fitted import make_stage
-from anhyst_rigs.rig.stage.loop import Feedforward, pid, track
-from anhyst_rigs.rig.stage.setpoint import SetPoint, instants, ticks_of
+from anhyst_rigs.rig.stage.loop import Feedforward, pid_coefficients, track
+from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_ticks, tick_times
 from anhyst_rigs.study.tuning import search, stage, tuning
-from anhyst_rigs.study.tuning.aims import LOST, Aims
-from anhyst_rigs.study.tuning.search import FoundGains, GainSearch
-from anhyst_rigs.study.tuning.stage import TRAINING, UNSEEN, StageLoop, linear_stage
+from anhyst_rigs.study.tuning.aims import LOST_BODY_COST, Aims
+from anhyst_rigs.study.tuning.search import GainSearch, SearchResult
+from anhyst_rigs.study.tuning.stage import TEST, TRAINING, StageLoop, make_linear_stage
 from anhyst_rigs.study.tuning.trial import run_trial
 from tests.refusals import refused
 from tests.study import bearings, stages
@@ -50,9 +50,9 @@ def test_the_sensitivity_of_the_linear_loop_is_what_a_sine_in_the_nonlinear_one_
 ) -> None:
     setup = stages.setup("full", stray_m=0.0, **control)
     rig = setup.rig
-    peak, frequency = StageLoop(setup, Feedforward()).margin()
+    peak, frequency = StageLoop(setup, Feedforward()).sensitivity_peak()
     standing = SetPoint((22.0, 22.0), 1e-9, 0.2, 7.5e-3, 2e-3)
-    load = np.sin(2.0 * np.pi * frequency * instants(rig, ticks_of(rig, standing)))
+    load = np.sin(2.0 * np.pi * frequency * tick_times(rig, motion_ticks(rig, standing)))
     run = track(setup, standing, Feedforward(0.0), load=load)
     part = slice(len(run) // 2, None)
     turning = np.exp(-2j * np.pi * frequency * run["t_s"][part])
@@ -64,12 +64,12 @@ def test_the_sensitivity_of_the_linear_loop_is_what_a_sine_in_the_nonlinear_one_
 def test_a_loop_is_called_stable_where_its_poles_are_within_the_unit_circle() -> None:
     for crossover in (5.0, 130.0, 800.0, 1200.0, 1600.0, 2500.0, 6000.0):
         rig = stages.stage(crossover_Hz=crossover)
-        late = replace(linear_stage(rig), bandwidth=1e9, late=1.5 * rig.dt)
+        late = replace(make_linear_stage(rig), bandwidth=1e9, delay=1.5 * rig.dt)
         control = rig.settings.tracking
         names = ("crossover_Hz", "integral_ratio", "lead_ratio", "rolloff_ratio")
         columns = {name: np.array([getattr(control, name)]) for name in names}
-        peak = late.look(columns)[0].item()
-        b0, b1, b2, a1, a2 = pid(rig).values()
+        peak = late.evaluate(columns)[0].item()
+        b0, b1, b2, a1, a2 = pid_coefficients(rig).values()
         body = rig.dt**2 / (2.0 * rig.settings.body.mass_kg)
         # A mass behind a hold and one tick: body*(z + 1)/(z*(z - 1)^2).
         closed = np.polymul([1.0, a1, a2], [1.0, -2.0, 1.0, 0.0])
@@ -79,26 +79,26 @@ def test_a_loop_is_called_stable_where_its_poles_are_within_the_unit_circle() ->
 
 def test_corners_that_are_left_out_are_those_of_the_rule() -> None:
     named = stages.stage(integral_ratio=5.0, lead_ratio=3.0, rolloff_ratio=6.0)
-    assert pid(named) == pid(stages.stage())
-    assert pid(stages.stage(integral_ratio=8.0)) != pid(stages.stage())
+    assert pid_coefficients(named) == pid_coefficients(stages.stage())
+    assert pid_coefficients(stages.stage(integral_ratio=8.0)) != pid_coefficients(stages.stage())
 
 
 def test_gains_that_are_unstable_in_the_linear_loop_cost_more_than_any_others() -> None:
     outcome = run_trial(loop(6000.0), (TRAINING,), AIMS)
-    assert outcome.cost > LOST
-    assert not outcome.complete
+    assert outcome.cost > LOST_BODY_COST
+    assert not outcome.is_complete
 
 
 def test_gains_whose_margin_is_too_small_are_given_up_without_a_motion() -> None:
     strict = Aims(None, peak_sensitivity=1.2)
     outcome = run_trial(loop(), loop().conditions, strict, ceiling=1.0)
-    assert not outcome.complete
+    assert not outcome.is_complete
     assert outcome.figures[TRAINING].settling_time_s == 0.0
 
 
 @cache
-def found(jobs: int = 1) -> FoundGains:
-    bounded = replace(loop(), most=250.0)
+def found(jobs: int = 1) -> SearchResult:
+    bounded = replace(loop(), max_crossover=250.0)
     return GainSearch(bounded, Aims(None, 2.0), 10, jobs=jobs).run()
 
 
@@ -106,9 +106,9 @@ def found(jobs: int = 1) -> FoundGains:
 def test_the_gains_found_keep_their_margin_and_leave_less_on_the_set_point_never_used() -> None:
     result = found()
     assert result.check is not None
-    assert UNSEEN in result.check.figures
+    assert TEST in result.check.figures
     assert result.figures.peak_sensitivity <= 2.0
-    assert 130.0 < result.numbers["crossover_Hz"] <= 250.0
+    assert 130.0 < result.parameters["crossover_Hz"] <= 250.0
     before = loop().check(1).worst
     assert result.figures.cost < 0.7 * before.cost
     assert result.check.rows["plants"]["lost"] == 0
@@ -124,8 +124,8 @@ def test_the_same_seed_gives_the_same_gains_on_any_number_of_cores() -> None:
 def test_aims_that_no_gains_reach_end_with_the_best_and_what_would_help() -> None:
     aims = Aims(None, 1.5, average_m=1e-12)
     reached = loop().check(1)
-    limits = {one.what: one.text for one in loop().limits(aims, reached, 0, 1)}
-    assert UNSEEN.text in limits["average_m"]
+    limits = {one.what: one.text for one in loop().find_limits(aims, reached, 0, 1)}
+    assert TEST.text in limits["average_m"]
     assert {"peak_sensitivity", "delay"} <= set(limits)
 
 
@@ -135,13 +135,15 @@ def test_the_gains_of_a_body_of_several_coordinates_are_tuned_too(
 ) -> None:
     rig = planar()
     few = replace(rig, settings=rig.settings.model_copy(update={"noise_seeds": 2}))
-    several = StageLoop(make_stage(few, bearings.knowledge(), "play"), Feedforward(), most=250.0)
-    firmer = several.at(np.array([0.95, 0.3, 0.5, 0.6]))
+    several = StageLoop(
+        make_stage(few, bearings.knowledge(), "play"), Feedforward(), max_crossover=250.0
+    )
+    firmer = several.with_gains_at(np.array([0.95, 0.3, 0.5, 0.6]))
     costs = [run_trial(one, (TRAINING,), AIMS).cost for one in (several, firmer)]
     assert costs[1] < 0.7 * costs[0]
     monkeypatch.setattr(stage, "find_gains", lambda *_: Feedforward())
     reached = firmer.check(1)
-    assert reached.worst.peak_sensitivity == firmer.margin()[0]
+    assert reached.worst.peak_sensitivity == firmer.sensitivity_peak()[0]
     assert reached.worst.cost < 1e-6
     drawn = reached.rows["plants"]
     assert (drawn["drawn"], drawn["lost"]) == (10, 0)
@@ -163,7 +165,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
     for name in ("loops.csv", "loops.toml"):
         shutil.copy(stages.EXAMPLE / name, tmp_path)
-    monkeypatch.setattr(tuning, "identify_stage", lambda _: bearings.knowledge())
+    monkeypatch.setattr(tuning, "identify_stage_magnet", lambda _: bearings.knowledge())
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -178,11 +180,11 @@ def test_a_tuned_rig_file_is_written_that_is_read_like_any_other(here: Path) -> 
     tuned = read_stage(here / "tuned" / "rig.toml")
     for name, value in one["gains"].items():
         assert getattr(tuned.settings.tracking, name) == value
-    assert tuned.measured.files[0].samefile(here / "loops.csv")
+    assert tuned.measured_loops.files[0].samefile(here / "loops.csv")
     before = read_stage(here / "rig.toml").settings
     back = {f"control.{name}": getattr(before.tracking, name) for name in one["gains"]}
     others = {"given_loops"}  # named as seen from there
-    restored = tuned.settings.changed(back).model_dump(exclude=others)
+    restored = tuned.settings.with_changes(back).model_dump(exclude=others)
     assert restored == before.model_dump(exclude=others)
     text = (here / "tuned" / "rig.toml").read_text(encoding="utf-8")
     assert text.startswith("# Made by anhyst ")
@@ -224,15 +226,15 @@ def test_aims_of_a_stage_are_refused_for_a_bearing(tmp_path: Path) -> None:
 def test_ctrl_c_keeps_the_best_so_far_as_a_rig_file(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    attempt = search.GainSearch._try
+    attempt = search.GainSearch._evaluate_points
 
     def stop(self: search.GainSearch, *given: object) -> object:
         found = attempt(self, *given)  # type: ignore[arg-type]
-        if self._tried >= 3:
+        if self._tried_count >= 3:
             raise KeyboardInterrupt
         return found
 
-    monkeypatch.setattr(search.GainSearch, "_try", stop)
+    monkeypatch.setattr(search.GainSearch, "_evaluate_points", stop)
     assert cli.main(["tune", "rig.toml", "--out", "tuned", "--budget", "10"]) == 130
     assert read_stage(here / "tuned" / "rig.toml").settings.tracking.crossover_Hz != 130.0
 

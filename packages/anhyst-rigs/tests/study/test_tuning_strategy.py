@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.study.tuning.search import Strategy
+from anhyst_rigs.study.tuning.search import CmaStrategy
 
 BOTTOM = np.array([0.3, 0.62, 0.5, 0.44, 0.71, 0.38, 0.55])
 
 
 def search(cost: Callable[[FloatArray], float], generations: int, seed: int = 0) -> FloatArray:
-    strategy = Strategy(np.full(7, 0.5), 0.15, [seed, 2], 10)
+    strategy = CmaStrategy(np.full(7, 0.5), 0.15, [seed, 2], 10)
     best, least = np.full(7, 0.5), np.inf
     for _ in range(generations):
         points = strategy.ask()

@@ -8,26 +8,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst_rigs.study.bearing.responses import SINE_M, Sensitivity
-from anhyst_rigs.study.tuning.aims import LOST, MISSED, Aims, Figures
-from anhyst_rigs.study.tuning.bearing import BearingLoop, default_conditions, peak_of
-from anhyst_rigs.study.tuning.trial import Condition, run_trial
+from anhyst_rigs.study.bearing.responses import SWEEP_AMPLITUDE_M, Sensitivity
+from anhyst_rigs.study.tuning.aims import LOST_BODY_COST, MISSED_AIM_COST, Aims, BearingFigures
+from anhyst_rigs.study.tuning.bearing import BearingLoop, default_conditions, interpolate_peak
+from anhyst_rigs.study.tuning.trial import BearingCondition, run_trial
 from tests.study import bearings
 from tests.study.small_tuning import HERE, loop, setup
 
 
 def test_conditions_are_all_gaps_with_two_loads() -> None:
     assert default_conditions(bearings.example()) == tuple(
-        Condition(gap, load) for gap in (0.45e-3, 0.42e-3, 0.48e-3) for load in (150.0, 100.0)
+        BearingCondition(gap, load)
+        for gap in (0.45e-3, 0.42e-3, 0.48e-3)
+        for load in (150.0, 100.0)
     )
 
 
 def test_the_gains_of_the_example_hold_and_have_figures() -> None:
     outcome = run_trial(loop(), HERE, Aims())
-    assert outcome.complete
+    assert outcome.is_complete
     assert set(outcome.figures) == set(HERE)
     worst = outcome.worst
-    assert isinstance(worst, Figures)
+    assert isinstance(worst, BearingFigures)
     assert 0.0 < worst.overshoot_percent < 10.0
     assert 3e-3 < worst.settling_time_s < 15e-3
     assert 1.2 < worst.peak_sensitivity < 2.5
@@ -38,9 +40,9 @@ def test_the_gains_of_the_example_hold_and_have_figures() -> None:
 def test_gains_above_the_ceiling_are_given_up_with_a_bound_of_their_cost() -> None:
     whole = run_trial(loop(), HERE, Aims(overshoot_percent=0.01))
     early = run_trial(loop(), HERE, Aims(overshoot_percent=0.01), ceiling=1e-3)
-    assert not early.complete
+    assert not early.is_complete
     assert len(early.figures) == 1
-    assert MISSED < early.cost <= whole.cost
+    assert MISSED_AIM_COST < early.cost <= whole.cost
 
 
 def test_gains_that_do_not_hold_cost_more_than_any_others() -> None:
@@ -50,8 +52,8 @@ def test_gains_that_do_not_hold_cost_more_than_any_others() -> None:
     ratio = bearings.with_rig(bearings.single("ratio"), {})
     lost = replace(ratio, controller=controller.model_copy(update={"design": weak}))
     outcome = run_trial(BearingLoop(lost, HERE), HERE, Aims())
-    assert not outcome.complete
-    assert outcome.cost > LOST
+    assert not outcome.is_complete
+    assert outcome.cost > LOST_BODY_COST
 
 
 def test_gains_that_fixed_point_cannot_hold_count_as_lost() -> None:
@@ -65,13 +67,13 @@ def test_gains_that_fixed_point_cannot_hold_count_as_lost() -> None:
         HERE,
         Aims(),
     )
-    assert outcome.cost > LOST
+    assert outcome.cost > LOST_BODY_COST
 
 
 def measured(magnitude: list[float]) -> Sensitivity:
     frequency = np.geomspace(100.0, 1000.0, len(magnitude))
     ratio = np.array(magnitude, dtype=np.complex128)
-    return Sensitivity(frequency, ratio, np.zeros(len(magnitude)), SINE_M)
+    return Sensitivity(frequency, ratio, np.zeros(len(magnitude)), SWEEP_AMPLITUDE_M)
 
 
 def test_a_peak_between_frequencies_is_seen() -> None:
@@ -80,8 +82,8 @@ def test_a_peak_between_frequencies_is_seen() -> None:
 
     coarse = measured([size(x) for x in (-1.0, -0.5, 0.0, 0.5, 1.0)])
     assert coarse.peak < 2.4
-    assert peak_of(coarse) == pytest.approx(2.5, rel=1e-6)
-    assert peak_of(measured([1.0, 1.5, 2.0])) == 2.0  # at the end there is nothing between
+    assert interpolate_peak(coarse) == pytest.approx(2.5, rel=1e-6)
+    assert interpolate_peak(measured([1.0, 1.5, 2.0])) == 2.0  # at the end there is nothing between
 
 
 def test_another_noise_changes_little_but_something() -> None:

@@ -7,22 +7,22 @@ from typing import Any
 
 import pytest
 
-from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
-from anhyst_rigs.study.tuning.aims import Figures
-from anhyst_rigs.study.tuning.result import worth
+from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
+from anhyst_rigs.study.tuning.aims import BearingFigures
+from anhyst_rigs.study.tuning.result import verdict_text
 
 
 def tuned(variant: str, settling: float, half_width: float = 0.01, *, meets: bool = True) -> Any:
     return Plain(
         variant=variant,
-        figures=Figures(1e-3 * settling),
+        figures=BearingFigures(1e-3 * settling),
         misses={} if meets else {"overshoot_percent": 0.5},
         found=Plain(check=Plain(widths={"settling_time_s": 1e-3 * half_width})),
     )
 
 
 def reported(*ones: Any) -> str:
-    return worth(Plain(tuned={one.variant: one for one in ones}))  # type: ignore[arg-type]
+    return verdict_text(Plain(tuned={one.variant: one for one in ones}))  # type: ignore[arg-type]
 
 
 def test_a_certain_gain_is_reported_against_the_strongest_baseline_and_flux() -> None:
@@ -48,7 +48,7 @@ def test_no_gain_is_reported_as_none(mine: Any, words: str) -> None:
     assert said.startswith("not worth it here: ")
     assert words in said
     assert "('single-valued')" in said
-    assert WHERE_IT_PAYS["feedback"] in said
+    assert BENEFICIAL_CONDITIONS["feedback"] in said
 
 
 def test_where_no_baseline_meets_the_aims_it_is_worth_it() -> None:

@@ -9,9 +9,9 @@ import pytest
 
 from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.rig.force.file import Rig, read_rig
+from anhyst_rigs.rig.force.file import ForceControlRig, read_rig
 from anhyst_rigs.rig.parts.iron import CellSteel
-from anhyst_rigs.study.watch import TURN, Chart, DriftWatch, Finding, Reference
+from anhyst_rigs.study.watch import REVERSAL_RATIO, CusumChart, DriftMonitor, Finding, Reference
 from tests.refusals import refused
 from tests.rig.test_iron_families import EXAMPLES
 from tests.truths import truth
@@ -23,7 +23,7 @@ LEARNT = 15
 
 
 @pytest.fixture(scope="module")
-def rig() -> Rig:
+def rig() -> ForceControlRig:
     return read_rig(EXAMPLES / "solenoid" / "rig.toml")
 
 
@@ -32,7 +32,9 @@ def model() -> Model:
     return truth("solenoid-three-gaps")
 
 
-def true_force(rig: Rig, current: FloatArray, gap: FloatArray, pinning: float = 1.0) -> FloatArray:
+def true_force(
+    rig: ForceControlRig, current: FloatArray, gap: FloatArray, pinning: float = 1.0
+) -> FloatArray:
     """Return the force of the solenoid with other pinning, from demagnetised on."""
     file = rig.solenoid_file
     assert file is not None
@@ -44,10 +46,10 @@ def true_force(rig: Rig, current: FloatArray, gap: FloatArray, pinning: float = 
 
 
 def sensed(
-    rig: Rig, current: FloatArray, gap: FloatArray, force: FloatArray
+    rig: ForceControlRig, current: FloatArray, gap: FloatArray, force: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return what the rig's own sensors say, with their noise."""
-    sensors = rig.instruments([5], 1.0 / RATE)
+    sensors = rig.make_sensors([5], 1.0 / RATE)
     return (
         sensors["current"].read(current),
         sensors["gap"].read(gap),
@@ -65,7 +67,7 @@ def cycles(count: int, low: float, high: float) -> FloatArray:
 @pytest.mark.parametrize("ends", [(0.1, 1.0), (0.3, 0.8)])
 @pytest.mark.parametrize("gap", [1.25e-3, 2.0e-3, None])
 def test_pinning_of_a_fifth_more_is_found_within_ten_seconds_of_motion(
-    rig: Rig, model: Model, ends: tuple[float, float], gap: float | None
+    rig: ForceControlRig, model: Model, ends: tuple[float, float], gap: float | None
 ) -> None:
     current = cycles(LEARNT + 12, *ends)
     if gap is None:  # the armature moves along
@@ -73,63 +75,63 @@ def test_pinning_of_a_fifth_more_is_found_within_ten_seconds_of_motion(
     else:
         at = np.full(current.size, gap)
     force, ticks = true_force(rig, current, at), np.arange(current.size, dtype=np.float64)
-    good = DriftWatch(model, float(at[0]), "demagnetised").take(
+    good = DriftMonitor(model, float(at[0]), "demagnetised").add_samples(
         ticks, *sensed(rig, current, at, force)
     )
     assert good == Finding(LEARNT + 10, False, None)
     begin = LEARNT * RATE
     force[begin:] = true_force(rig, current, at, 1.2)[begin:]
-    found = DriftWatch(model, float(at[0]), "demagnetised").take(
+    found = DriftMonitor(model, float(at[0]), "demagnetised").add_samples(
         ticks, *sensed(rig, current, at, force)
     )
-    assert found.drifted is not None
-    assert begin < found.drifted.found <= begin + 10 * RATE
-    assert found.drifted.since == pytest.approx(begin, abs=2 * RATE)
-    assert 0.02 < abs(found.drifted.shift) < 0.5
-    assert f"{found.drifted.shift:+.3g} N" in found.text(RATE)
+    assert found.drift is not None
+    assert begin < found.drift.found_tick <= begin + 10 * RATE
+    assert found.drift.begin_tick == pytest.approx(begin, abs=2 * RATE)
+    assert 0.02 < abs(found.drift.shift) < 0.5
+    assert f"{found.drift.shift:+.3g} N" in found.text(RATE)
 
 
-def test_what_is_found_does_not_depend_on_the_chunks(rig: Rig, model: Model) -> None:
+def test_what_is_found_does_not_depend_on_the_chunks(rig: ForceControlRig, model: Model) -> None:
     current = cycles(16, 0.2, 0.9)
     at, ticks = np.full(current.size, 1.3e-3), np.arange(current.size, dtype=np.float64)
     rows = (ticks, *sensed(rig, current, at, true_force(rig, current, at)))
     rows[3][13 * RATE :] += 0.3  # N: somebody touched the load cell
-    whole = DriftWatch(model, 1.3e-3, "demagnetised").take(*rows)
-    cut = DriftWatch(model, 1.3e-3, "demagnetised")
+    whole = DriftMonitor(model, 1.3e-3, "demagnetised").add_samples(*rows)
+    cut = DriftMonitor(model, 1.3e-3, "demagnetised")
     for start in range(0, current.size, 37):
-        cut.take(*(row[start : start + 37] for row in rows))
-    found = cut.finding.drifted
-    assert whole.drifted is not None
+        cut.add_samples(*(row[start : start + 37] for row in rows))
+    found = cut.finding.drift
+    assert whole.drift is not None
     assert found is not None
-    assert (found.name, found.since, found.found) == (
-        whole.drifted.name,
-        whole.drifted.since,
-        whole.drifted.found,
+    assert (found.kind, found.begin_tick, found.found_tick) == (
+        whole.drift.kind,
+        whole.drift.begin_tick,
+        whole.drift.found_tick,
     )
-    assert found.shift == pytest.approx(whole.drifted.shift, rel=1e-6)
-    assert whole.drifted.name == "level"
-    assert whole.drifted.shift == pytest.approx(0.3, abs=0.05)
+    assert found.shift == pytest.approx(whole.drift.shift, rel=1e-6)
+    assert whole.drift.kind == "level"
+    assert whole.drift.shift == pytest.approx(0.3, abs=0.05)
     with refused("time-not-rising"):
-        DriftWatch(model, 1.3e-3).take(rows[0][::-1], *rows[1:])
+        DriftMonitor(model, 1.3e-3).add_samples(rows[0][::-1], *rows[1:])
 
 
 def test_a_swing_that_is_met_half_way_is_a_cycle_too(model: Model) -> None:
     assert model.valid is not None
-    half = 0.7 * TURN * np.ptp(model.valid.input)  # to either side of where it begins
+    half = 0.7 * REVERSAL_RATIO * np.ptp(model.valid.input)  # to either side of where it begins
     current = 0.6 + half * np.sin(2.0 * np.pi * np.arange(8 * RATE) / RATE)
     at, ticks = np.full(current.size, 1.3e-3), np.arange(current.size, dtype=np.float64)
-    watch = DriftWatch(model, 1.3e-3)
-    assert watch.take(ticks, current, at, np.zeros(current.size)).cycles >= 6
+    watch = DriftMonitor(model, 1.3e-3)
+    assert watch.add_samples(ticks, current, at, np.zeros(current.size)).cycles >= 6
 
 
 @pytest.mark.slow
-def test_an_hour_of_noise_is_no_drift(rig: Rig, model: Model) -> None:
+def test_an_hour_of_noise_is_no_drift(rig: ForceControlRig, model: Model) -> None:
     few = cycles(4, 0.1, 1.0)
     force = true_force(rig, few, np.full(few.size, 1.25e-3))
     last, before = force[3 * RATE :], force[2 * RATE : 3 * RATE]
     np.testing.assert_allclose(last, before, atol=1e-9)  # settled: an hour is 3600 of them
-    watch = DriftWatch(model, 1.25e-3, "demagnetised")
-    sensors = rig.instruments([6], 1.0 / RATE)
+    watch = DriftMonitor(model, 1.25e-3, "demagnetised")
+    sensors = rig.make_sensors([6], 1.0 / RATE)
     for minute in range(60):
         ticks = np.arange(60 * RATE, dtype=np.float64) + minute * 60 * RATE
         minute_of = {
@@ -138,7 +140,7 @@ def test_an_hour_of_noise_is_no_drift(rig: Rig, model: Model) -> None:
             "force": np.tile(last, 60),
         }
         read = [sensors[name].read(values) for name, values in minute_of.items()]
-        assert watch.take(ticks, *read).drifted is None
+        assert watch.add_samples(ticks, *read).drift is None
     assert watch.finding.cycles == 3598
 
 
@@ -154,7 +156,7 @@ def test_a_chart_keeps_its_run_length_and_finds_a_shift_soon(
         row = rng.standard_normal(3000)
         for place in range(1, row.size):
             row[place] = correlation * row[place - 1] + np.sqrt(1 - correlation**2) * row[place]
-        chart = Chart(Reference.of(row[:10].tolist()), 0.0, wanted)
+        chart = CusumChart(Reference.from_values(row[:10].tolist()), 0.0, wanted)
         # Shifts are in units of what is added up: independent values of the same effect.
         after = row[10:] + shift * np.sqrt((1 + correlation) / (1 - correlation))
         length = next((n for n, one in enumerate(after, 1) if chart.add(float(one))), after.size)

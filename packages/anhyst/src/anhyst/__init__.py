@@ -27,8 +27,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from anhyst.support.lazy import lazy_names
+from anhyst.support.verbs import missing_package as _package_with
 from anhyst.support.verbs import modules as _modules
-from anhyst.support.verbs import package_with as _package_with
 
 if TYPE_CHECKING:  # for checkers and editors; a verb that is not here has no type and works
     __version__: str
@@ -106,4 +106,4 @@ def __dir__() -> list[str]:
     return __all__
 
 
-__all__ = sorted({*_own, *_modules(of_project=True)})  # noqa: PLE0605
+__all__ = sorted({*_own, *_modules(is_project_only=True)})  # noqa: PLE0605

@@ -56,7 +56,7 @@ def speaking(every: float, *arguments: object, cwd: Path, stderr: int = subproce
     """Run a command that says how far it is every so many seconds, instead of every minute."""
     script = (
         "import sys, anhyst.cli.shared as progress; from anhyst.cli.app import main; "
-        f"progress.SILENCE = {every}; sys.exit(main())"
+        f"progress.PROGRESS_INTERVAL_S = {every}; sys.exit(main())"
     )
     return subprocess.run(
         [sys.executable, "-c", script, *map(str, arguments)],

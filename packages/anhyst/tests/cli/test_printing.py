@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from anhyst.cli.printing import MAX_LINES, MIN_LINES, WIDTH, Printer, TerminalTable, wrapped
+from anhyst.cli.printing import MAX_LINES, MIN_LINES, WIDTH, Printer, TerminalTable, wrap_sentence
 from tests.repository import ROOT
 
 from .command import quick, unwrapped
@@ -62,7 +62,7 @@ def test_numbers_are_aligned_to_the_right_and_words_to_the_left() -> None:
 
 def test_sentences_fold_between_words_and_keep_values_with_their_units() -> None:
     text = "a deviation of " + "0.25 % and 12 mA, " * 9
-    lines = wrapped(text, WIDTH)
+    lines = wrap_sentence(text, WIDTH)
     assert max(map(len, lines)) <= WIDTH
     assert not any(line.endswith(("0.25", "12")) for line in lines)
     assert unwrapped("\n".join(lines)) == text.strip()
@@ -70,9 +70,9 @@ def test_sentences_fold_between_words_and_keep_values_with_their_units() -> None
 
 def test_commands_and_paths_stay_in_one_piece() -> None:
     command = "  anhyst identify " + "folder/" * 20 + "loops.csv --out model.toml"
-    assert wrapped(command, WIDTH) == [command]
+    assert wrap_sentence(command, WIDTH) == [command]
     path = "x" * 120
-    assert path in wrapped(f"written: {path} and more", WIDTH)[1]
+    assert path in wrap_sentence(f"written: {path} and more", WIDTH)[1]
 
 
 @pytest.mark.parametrize("count", [1, MAX_LINES - 1, MAX_LINES, MAX_LINES + 1, 60])

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.cli.shared import Pace
+from anhyst.cli.shared import ProgressEstimate
 from tests.foreign.magnets import MAGNETS
 
 from .command import quick, shares_said, speaking
@@ -85,17 +85,17 @@ class Clock:
 
 def test_the_time_left_goes_by_the_share_that_is_done() -> None:
     clock = Clock()
-    pace = Pace(clock)
+    pace = ProgressEstimate(clock)
     clock.now = 10.0
-    assert pace.left() is None
+    assert pace.remaining_s() is None
     pace.update(1, 4)
-    assert pace.left() == pytest.approx(30.0)
+    assert pace.remaining_s() == pytest.approx(30.0)
     pace.update(4, 4)
-    assert pace.left() is None
+    assert pace.remaining_s() is None
 
 
 def test_the_share_never_falls_and_ends_at_one() -> None:
-    pace = Pace(Clock())
+    pace = ProgressEstimate(Clock())
     shares = []
     for done, total in ((0, 0), (1, 4), (1, 8), (8, 8), (9, 8)):
         pace.update(done, total)
@@ -108,6 +108,6 @@ def test_the_share_never_falls_and_ends_at_one() -> None:
 )
 def test_times_are_written_as_people_say_them(seconds: float, words: str) -> None:
     clock = Clock()
-    pace = Pace(clock)
+    pace = ProgressEstimate(clock)
     clock.now = seconds
     assert str(pace) == f"0 %, {words} so far"

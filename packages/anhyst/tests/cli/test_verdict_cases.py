@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.data import Loop, Loops
-from anhyst.data.verdict import judge
+from anhyst.data.verdict import assess_loops
 from anhyst.identification import identify
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
@@ -98,7 +98,7 @@ def noisy(rate: float, density: float) -> Loops:
 
 @pytest.mark.parametrize("density", [0.02, 0.1, 0.2])
 def test_verdict_does_not_depend_on_the_sampling_rate(density: float) -> None:
-    verdicts = [judge(noisy(rate, density)) for rate in (1e3, 1e4, 1e5)]
+    verdicts = [assess_loops(noisy(rate, density)) for rate in (1e3, 1e4, 1e5)]
     assert len({verdict.level for verdict in verdicts}) == 1
     gains = [verdict.gain for verdict in verdicts]
     assert max(gains) - min(gains) < 0.05
@@ -108,7 +108,7 @@ def test_verdict_does_not_depend_on_the_sampling_rate(density: float) -> None:
 
 
 def test_the_same_noise_a_sample_never_lowers_the_gain_at_a_higher_rate() -> None:
-    gains = [judge(noisy(rate, 0.1 / np.sqrt(rate / 1e3))).gain for rate in (1e3, 1e4, 1e5)]
+    gains = [assess_loops(noisy(rate, 0.1 / np.sqrt(rate / 1e3))).gain for rate in (1e3, 1e4, 1e5)]
     assert gains[0] - 0.02 < gains[1] < gains[2] + 0.02
 
 

@@ -42,7 +42,7 @@ def load() -> None:
     for name in names:
         importlib.import_module(name)
     app = importlib.import_module("anhyst.cli.app")
-    app.command_of(app.app)
+    app.build_command(app.app)
     gc.collect()
     gc.freeze()
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Kind
 from anhyst.support import block_layout as layout
-from anhyst.support.block_layout import WORDS
+from anhyst.support.block_layout import WORD_INDEX_OF_KIND
 from tests.actuators import compiled
 
 KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
@@ -98,12 +98,12 @@ def taken(kind: Kind, words: Words) -> bool:
 @pytest.mark.parametrize("kind", KINDS)
 def test_words_of_a_kind_have_places_of_their_own_in_front_of_the_tables(kind: Kind) -> None:
     end = 0
-    for word in (*layout.HEAD, *layout.BODY[kind]):
-        assert word.at >= end, word.name
-        end = word.at + word.size
+    for word in (*layout.HEAD_WORDS, *layout.BODY_WORDS[kind]):
+        assert word.index >= end, word.name
+        end = word.index + word.size
         assert -32768 <= word.low <= word.high <= 65535
         assert word.doc
-    assert end <= layout.LEAST_WORDS < layout.MOST_WORDS
+    assert end <= layout.MIN_BLOCK_WORDS < layout.MAX_BLOCK_WORDS
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -137,7 +137,7 @@ def test_a_length_that_does_not_fit_is_refused(kind: Kind) -> None:
 def test_words_out_of_range_are_refused_and_those_at_its_ends_taken(kind: Kind) -> None:
     block = compiled(kind)
     for name, (low, high) in (COMMON | RANGES[kind]).items():
-        at = WORDS[kind][name]
+        at = WORD_INDEX_OF_KIND[kind][name]
         for value in (low - 1, high + 1, -32768):
             if value <= 32767 and not low <= value <= high:
                 assert not taken(kind, changed(block, at, value)), (name, value)
@@ -150,7 +150,10 @@ def test_words_out_of_range_are_refused_and_those_at_its_ends_taken(kind: Kind) 
 def test_limits_the_wrong_way_round_are_refused(kind: Kind) -> None:
     block = compiled(kind)
     for name in ("DEMAND", "CURRENT"):
-        low, high = WORDS[kind][f"{name}_LOW"], WORDS[kind][f"{name}_HIGH"]
+        low, high = (
+            WORD_INDEX_OF_KIND[kind][f"{name}_LOW"],
+            WORD_INDEX_OF_KIND[kind][f"{name}_HIGH"],
+        )
         assert not taken(kind, changed(block, low, int(block.words[high]) + 1))
         assert taken(kind, changed(block, low, int(block.words[high])))
 
@@ -166,7 +169,7 @@ def test_a_table_outside_the_block_is_refused(kind: Kind) -> None:
     size = block.words.size
     for name, _ in all_tables(kind):
         entries = block.tables[name][1]
-        at = WORDS[kind][name]
+        at = WORD_INDEX_OF_KIND[kind][name]
         for first in (-32768, -1, 0, 47, size - entries + 1, size, 32767):
             assert not taken(kind, changed(block, at, first)), (name, first)
 
@@ -187,9 +190,9 @@ def test_more_segments_than_the_block_has_room_for_are_refused(
 ) -> None:
     block = compiled(kind)
     first = block.words.size - block.tables[table][1]
-    words = changed(block, WORDS[kind][table], first)
+    words = changed(block, WORD_INDEX_OF_KIND[kind][table], first)
     assert taken(kind, words)  # it ends with the block
-    words[WORDS[kind][segments]] += 1
+    words[WORD_INDEX_OF_KIND[kind][segments]] += 1
     assert not taken(kind, sealed(words))
 
 
@@ -213,12 +216,12 @@ def test_the_full_law_takes_a_flux_arm_below_zero_as_long_as_the_current_rises()
     block = compiled("full", "circuit")
     flux_arm, field_arm = (block.table(f"GAP_{arm}_ARM").astype(float) for arm in ("FLUX", "FIELD"))
     assert flux_arm.min() < 0.0 < flux_arm.max()
-    segments = 2.0 ** block.word("FULL_CURVE_SEGMENTS")
-    share = block.word("FULL_REVERSIBLE") / 2**15
+    segments = 2.0 ** block.integer("FULL_CURVE_SEGMENTS")
+    share = block.integer("FULL_REVERSIBLE") / 2**15
     reversible = np.diff(block.table("FULL_CURVE").astype(float))
     pinned = np.diff(block.table("FULL_BRANCH").astype(float))[int(segments) :]
     steepest = (share * reversible + (1.0 - share) * pinned).max() * segments / 2**15
-    most = field_arm / (4.0 * block.word("FULL_AIR") / 2**16 + steepest)
+    most = field_arm / (4.0 * block.integer("FULL_AIR") / 2**16 + steepest)
     first, entries = block.tables["GAP_FLUX_ARM"]
     for place in (0, entries // 2, entries - 1):
         for part, valid in ((0.97, True), (1.03, False)):

@@ -16,8 +16,8 @@ import pytest
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, DemandLimits, TableSizes
 from anhyst.compensate.builder import build_block
-from anhyst.compensate.cells import cell_rows, fewer
-from anhyst.compensate.circuit import Arms, cell_weights, flux_unit
+from anhyst.compensate.cells import make_cell_rows, merge_cells
+from anhyst.compensate.circuit import CurrentCoefficients, cell_weights, flux_unit
 from anhyst.compensate.force_controller import FixedTwin, Io, RealTwin
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
@@ -100,7 +100,7 @@ class DirectSums:
     def force(self, current: float, gap: float) -> float:
         """Advance by a current; return the force."""
         over = {
-            name: float(self.model.over_schedule(name, np.array([gap]))[0])
+            name: float(self.model.interpolate_parameter(name, np.array([gap]))[0])
             for name in ("c_H", "in_0", "rho", "c_out", "out_0")
         }
         wanted = over["c_H"] * (current - over["in_0"])
@@ -210,7 +210,7 @@ def test_a_path_that_turns_moves_nothing(io: Io) -> None:
     demand = TURNS * largest()
     current = twin_of(io).run(demand, np.full(demand.size, GAPS[0]))
     over = {
-        name: float(cells().over_schedule(name, np.array([GAPS[0]]))[0])
+        name: float(cells().interpolate_parameter(name, np.array([GAPS[0]]))[0])
         for name in ("c_H", "in_0", "rho", "c_out", "out_0")
     }
     iron = PlayCells(cell_weights(cells()), alpha=0.0)
@@ -300,7 +300,7 @@ def test_any_memory_leads_back_into_bounds_and_to_the_demand(seed: int) -> None:
     random = np.random.default_rng(seed)
     twin = FixedTwin(block(), "q31")
     for _ in range(40):
-        twin.start_from(random.integers(-(2**31), 2**31, 17))
+        twin.set_memory(random.integers(-(2**31), 2**31, 17))
         for code in random.integers(0, 2**31 - 1, 6).tolist():
             twin._core.commit_q31(twin._core.solve_q31(code, code // 2), code // 3)
             memory = twin.memory
@@ -343,12 +343,12 @@ def test_few_segments_rise_and_stay_within_saturation(segments: int) -> None:
 def test_fewer_cells_keep_their_weight() -> None:
     """What neighbours are put together loses nothing, and what no field moves is left out."""
     full = cell_weights(cells())
-    few = fewer(full, 6, 1e6)
+    few = merge_cells(full, 6, 1e6)
     assert few.thresholds.size == 7
     assert few.saturation == pytest.approx(full.saturation)
     assert few.weights.sum(axis=0) == pytest.approx(full.weights.sum(axis=0))
     assert all(a < b for a, b in pairwise(few.thresholds.tolist()))
-    assert fewer(full, 12, 300.0).thresholds.max() < 300.0
+    assert merge_cells(full, 12, 300.0).thresholds.max() < 300.0
 
 
 def test_the_units_of_the_flux_are_those_of_the_saturated_iron() -> None:
@@ -373,9 +373,9 @@ def test_a_swap_keeps_the_output(segments: int) -> None:
 
 def test_an_iron_whose_cells_never_move_is_refused() -> None:
     still = CellWeights(np.array([0.0, 1e9]), np.array([500.0]), np.array([[1e6], [1e5]]))
-    arms = Arms(1e-6, np.zeros(1), np.ones(1), np.full(1, 1e-3))
+    arms = CurrentCoefficients(1e-6, np.zeros(1), np.ones(1), np.full(1, 1e-3))
     with refused("no-hysteresis model"):
-        cell_rows(still, arms, DemandLimits((0.0, 1.0), (0.0, 3.0)), SIZES)
+        make_cell_rows(still, arms, DemandLimits((0.0, 1.0), (0.0, 3.0)), SIZES)
 
 
 def handed_over(kind: RealKind, words: FloatArray) -> FloatArray:
@@ -397,10 +397,10 @@ def test_what_fixed_point_remembers_floating_point_goes_on_with(kind: RealKind) 
     apart, forgetful = [], []
     for seed in range(50):
         demand = np.random.default_rng(seed).uniform(0.02, 0.7, 80) * of[0].demand
-        fixed = fixed.fresh()
+        fixed = fixed.reset_copy()
         fixed.run(demand[:40], gap)
         goes_on = RealTwin(real)
-        goes_on.start_from(handed_over(kind, fixed.memory.astype(float)))
+        goes_on.set_memory(handed_over(kind, fixed.memory.astype(float)))
         stays = fixed.run(demand[40:], gap)
         apart.append(np.abs(goes_on.run(demand[40:], gap) - stays).max() / of[0].current)
         knows_nothing = RealTwin(real).run(demand[40:], gap)

@@ -9,7 +9,12 @@ from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Conditioning, Kind, TableSizes
 from anhyst.compensate.builder import build_block
 from anhyst.compensate.force_controller import FixedTwin
-from anhyst.compensate.plan import find_limits, find_scales, left_after, plan_start
+from anhyst.compensate.plan import (
+    difference_after_start_up,
+    find_limits,
+    find_scales,
+    plan_start_up,
+)
 from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 from tests.actuators import (
@@ -234,9 +239,9 @@ def test_conditioning_sweeps_the_current_between_its_limits(kind: Kind) -> None:
         )
     twin = FixedTwin(block)
     core = FixedCompensator(kind, block.words)
-    cycles, ramp = block.word("CONDITION_CYCLES"), block.word("CONDITION_TICKS")
+    cycles, ramp = block.integer("CONDITION_CYCLES"), block.integer("CONDITION_TICKS")
     assert core.conditioning_length() == cycles * 2 * ramp
-    currents = twin.condition(WIDE)
+    currents = twin.run_start_up(WIDE)
     assert currents.size == core.conditioning_length()
     for i in range(cycles):
         up = currents[2 * ramp * i : 2 * ramp * i + ramp + 1]
@@ -257,10 +262,10 @@ def test_a_start_up_has_all_cycles_that_help_and_no_others(name: str, cycles: in
     model = truth(name).at_rest
     limits = find_limits(model)
     scales = find_scales(model, limits)
-    start = plan_start(model, scales, limits, 1000.0, 1e-6 * limits.demand[1])
+    start = plan_start_up(model, scales, limits, 1000.0, 1e-6 * limits.demand[1])
     assert start.conditioning.cycles == cycles
-    after = left_after(model, scales, limits, cycles + 3)
-    assert start.remaining == pytest.approx(after, abs=1e-7 * limits.demand[1])
+    after = difference_after_start_up(model, scales, limits, cycles + 3)
+    assert start.remaining_difference == pytest.approx(after, abs=1e-7 * limits.demand[1])
 
 
 @pytest.mark.parametrize("io", IOS)

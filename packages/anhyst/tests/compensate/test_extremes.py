@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, TableSizes
-from anhyst.compilation.parameters import definition
-from anhyst.compilation.toolchain import SINGLE
+from anhyst.compilation.parameters import define_parameters
+from anhyst.compilation.toolchain import KIND_SOURCES_F32
 from anhyst.model.dynamics import Layers
 from anhyst.support.atomic import core_folder
-from anhyst.support.block_words import Names, Scales
+from anhyst.support.block_words import Scales, SignalUnits
 from tests.actuators import RealIo, closed_form, magnet, ranges, real_block
 from tests.compensate import test_solid
 from tests.core.test_c_core import can_sanitize
@@ -61,7 +61,7 @@ def header(block: Block, law: str, io: RealIo) -> str:
         f"#define GAP_HIGH ((REAL){block.scales.gap_high!r})",
         f"#define CREEP ((REAL){CREEP[law]!r})",
     ]
-    table = definition("the", "WORDS", block, Names("N", "A"), None)
+    table = define_parameters("the", "WORDS", block, SignalUnits("N", "A"), None)
     return "\n".join([*lines, "static " + table.replace("the_parameters", "parameters"), ""])
 
 
@@ -76,10 +76,12 @@ def test_any_signal_in_any_order_gives_currents_within_limits(
         pytest.skip("a C compiler with sanitizers is not installed")
     block, core = block_of(law, io), core_folder()
     (tmp_path / "block.h").write_text(header(block, law, io), encoding="utf-8")
-    sources = [str(core / "src" / name.replace("_f32", f"_{io}")) for name in SINGLE[block.kind]]
+    sources = [
+        str(core / "src" / name.replace("_f32", f"_{io}")) for name in KIND_SOURCES_F32[block.kind]
+    ]
     checks = "address,undefined,float-cast-overflow,float-divide-by-zero"
     options = ["-std=c99", "-O1", "-ffp-contract=off", f"-fsanitize={checks}"]
-    options += ["-fno-sanitize-recover=all", f"-DANHYST_MEMORIES={block.memories}"]
+    options += ["-fno-sanitize-recover=all", f"-DANHYST_MEMORIES={block.memory_count}"]
     include = [f"-I{core}/include", f"-I{tmp_path}"]
     program = tmp_path / "extremes"
     files = [str(HERE / "extremes.c"), *sources]

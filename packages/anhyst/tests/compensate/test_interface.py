@@ -37,7 +37,7 @@ def _compensators() -> dict[str, Callable[[], Compensator]]:
 @pytest.mark.parametrize("name", _compensators())
 def test_solve_leaves_the_state_alone_and_commit_advances_it(name: str) -> None:
     compensator, gap = _compensators()[name](), POINT.gap
-    undisturbed = compensator.fresh()
+    undisturbed = compensator.reset_copy()
     for demand in DEMANDS:
         for other in (90.0, 5.0, 50.0):
             compensator.solve(other, gap)
@@ -53,10 +53,10 @@ def test_solve_leaves_the_state_alone_and_commit_advances_it(name: str) -> None:
 def test_a_run_is_solve_and_commit_in_turn_and_a_fresh_one_begins_again(name: str) -> None:
     compensator, gap = _compensators()[name](), POINT.gap
     along = compensator.run(DEMANDS, gap)
-    again = compensator.fresh()
+    again = compensator.reset_copy()
     steps = []
     for demand in DEMANDS:
         steps.append(again.solve(demand, gap))
         again.commit(steps[-1], gap)
     assert np.array_equal(along, steps)
-    assert np.array_equal(compensator.fresh().run(DEMANDS, gap), along)
+    assert np.array_equal(compensator.reset_copy().run(DEMANDS, gap), along)

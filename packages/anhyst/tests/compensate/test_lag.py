@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.budget import measure_budget
-from anhyst.compensate.force_controller import Io, twin_of
+from anhyst.compensate.force_controller import Io, make_twin
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.model.actuator import Model
 from tests.actuators import magnet
@@ -42,20 +42,20 @@ def worst_error(plan: Plan, block: object, frequency: float) -> float:
     wave = 0.5 - 0.5 * np.cos(2.0 * np.pi * frequency * np.arange(ticks) / RATE)
     demand = plan.block.limits.demand[1] * (0.05 + 0.6 * wave)
     gap = np.full(ticks, float(np.mean(plan.model.nodes)))
-    current = twin_of(block, plan.request.io).run(demand, gap)  # type: ignore[arg-type]
-    late = plan.builder.late
+    current = make_twin(block, plan.request.io).run(demand, gap)  # type: ignore[arg-type]
+    late = plan.builder.dynamic_model
     assert late is not None
     drive, gaps = np.append(0.0, current), np.append(gap[0], gap)
     time = np.arange(drive.size) / RATE
     output = late.predict(drive, gaps, time, history="demagnetised").output[1:]
     settled = slice(int(RATE / frequency), None)
-    return 100.0 * float(np.abs(output - demand)[settled].max()) / plan.largest
+    return 100.0 * float(np.abs(output - demand)[settled].max()) / plan.reference_output
 
 
 @pytest.mark.parametrize("io", FORMATS)
 def test_a_fast_demand_is_met_with_the_lag_and_missed_without(io: Io) -> None:
     plan = plan_of(late_magnet(), io)
-    followed, still = (worst_error(plan, block, 100.0) for block in (plan.block, plan.still))
+    followed, still = (worst_error(plan, block, 100.0) for block in (plan.block, plan.static_block))
     assert still > 2.5
     assert followed < 0.2 * still
     assert followed < 1.0
@@ -65,7 +65,9 @@ def test_play_cells_and_the_simplified_law_follow_a_lag_too() -> None:
     for model, kind in ((late_cells(), "full"), (late_magnet(), "simplified")):
         plan = plan_of(model, "q31", kind)
         slow = worst_error(plan, plan.block, 2.0)
-        followed, still = (worst_error(plan, block, 100.0) for block in (plan.block, plan.still))
+        followed, still = (
+            worst_error(plan, block, 100.0) for block in (plan.block, plan.static_block)
+        )
         assert still > slow + 2.0
         assert followed < slow + 0.2 * (still - slow)
 
@@ -76,7 +78,7 @@ def test_at_rest_a_lag_changes_no_current() -> None:
     demand = np.full(400, 0.4 * plan.block.limits.demand[1])
     gap = np.full(400, float(np.mean(plan.model.nodes)))
     with_lag, without = (
-        twin_of(block, "q31").run(demand, gap)[-1] for block in (plan.block, plan.still)
+        make_twin(block, "q31").run(demand, gap)[-1] for block in (plan.block, plan.static_block)
     )
     assert with_lag == pytest.approx(without, rel=2e-3)
 
@@ -88,4 +90,4 @@ def test_budget_has_a_row_for_the_lag() -> None:
     assert part is not None
     assert part.worst is not None
     assert "at rest it would be" in part.note
-    assert part.worst < 0.01 * budget.largest
+    assert part.worst < 0.01 * budget.reference_output

@@ -14,7 +14,7 @@ from scipy.signal import cont2discrete
 
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import METHODS, make_compensator
-from anhyst.compensate.sources import FluxCalibration, Operating, Sources
+from anhyst.compensate.sources import FluxCalibration, OperatingRange, Sources
 from anhyst.data import History, Loop, Loops
 from anhyst.data.surface import fit_surface
 from anhyst.model.actuator import Model
@@ -27,7 +27,7 @@ from tests.refusals import refused
 
 RATE = 20000.0
 RANGE = (0.32e-3, 0.55e-3)
-POINT = Operating(0.42e-3, 50.0, RATE, RANGE, 90.0, 2.0)
+POINT = OperatingRange(0.42e-3, 50.0, RATE, RANGE, 90.0, 2.0)
 MAPS: tuple[MethodName, ...] = ("ratio", "secant", "linearised", "single-valued")
 VARIANTS: tuple[MethodName, ...] = get_args(MethodName)
 FORMATS: tuple[NumberFormat, ...] = get_args(NumberFormat)
@@ -106,7 +106,7 @@ def fit(variant: MethodName, number_format: NumberFormat) -> ForceController:
 
 
 def fitted(variant: MethodName, number_format: NumberFormat = "f64") -> ForceController:
-    return fit(variant, number_format).fresh()
+    return fit(variant, number_format).reset_copy()
 
 
 # What each knows
@@ -152,7 +152,7 @@ def test_constants_of_a_magnet_that_is_linear_are_its_own() -> None:
         assert make_compensator("ratio", Sources(POINT, loops), "f64").solve(
             force, gap
         ) == pytest.approx(there, abs=1e-6)
-    numbers = make_compensator("linearised", Sources(POINT, loops), "f64").parameters.numbers
+    numbers = make_compensator("linearised", Sources(POINT, loops), "f64").parameters.constants
     assert numbers["k_i_N_per_A"] == pytest.approx(1.0 / 0.012, rel=1e-6)
     assert numbers["k_s_N_per_m"] == pytest.approx(800.0 / 0.012, rel=1e-6)
 
@@ -164,11 +164,13 @@ def test_constants_of_a_magnet_are_its_slopes_at_the_operating_point() -> None:
     per_force = (current(50.1, POINT.gap) - current(49.9, POINT.gap)) / 0.2
     per_gap = (current(50.0, POINT.gap + 1e-6) - current(50.0, POINT.gap - 1e-6)) / 2e-6
     for variant in MAPS[:3:2]:
-        numbers = make_compensator(variant, Sources(POINT, around(roots)), "f64").parameters.numbers
+        numbers = make_compensator(
+            variant, Sources(POINT, around(roots)), "f64"
+        ).parameters.constants
         assert numbers["k_i_N_per_A"] == pytest.approx(1.0 / per_force, rel=0.04)
     numbers = make_compensator(
         "linearised", Sources(POINT, around(roots)), "f64"
-    ).parameters.numbers
+    ).parameters.constants
     assert numbers["k_s_N_per_m"] == pytest.approx(per_gap / per_force, rel=0.04)
     assert per_gap > 0.0  # an opening gap needs more current
 
@@ -255,7 +257,7 @@ def test_a_fresh_drive_and_one_in_another_process_remember_nothing(
     first = drive.solve(60.0, POINT.gap, 0.5)
     for force in (20.0, 80.0, 60.0):
         drive.commit(drive.solve(force, POINT.gap, 0.5), POINT.gap)
-    assert drive.fresh().solve(60.0, POINT.gap, 0.5) == first
+    assert drive.reset_copy().solve(60.0, POINT.gap, 0.5) == first
     assert pickle.loads(pickle.dumps(drive)).solve(60.0, POINT.gap, 0.5) == first
     if variant not in MAPS:
         assert drive.solve(60.0, POINT.gap, 0.5) != first
@@ -276,10 +278,10 @@ def test_the_flux_loop_is_as_fast_as_its_delay_allows() -> None:
         make_compensator("flux", Sources(POINT, loops, None, given), "f64")
         for given in (calibration, delayed, lagging)
     ]
-    crossovers = [2.0 * np.pi * drive.parameters.numbers["crossover_Hz"] for drive in drives]
+    crossovers = [2.0 * np.pi * drive.parameters.constants["crossover_Hz"] for drive in drives]
     # The proportional part takes the lag away, so that it does not count a second time.
     assert crossovers == pytest.approx([0.5 * RATE / 1.5, 0.5 * RATE / 2.5, 0.5 * RATE / 2.5])
-    first, _, third = (drive.parameters.numbers for drive in drives)
+    first, _, third = (drive.parameters.constants for drive in drives)
     assert first["k_p_A_per_T"] == 0.0
     assert third["k_p_A_per_T"] == pytest.approx(third["k_i_A_per_T_s"] / RATE)
 
@@ -298,7 +300,7 @@ def test_the_flux_loop_keeps_its_phase_margin(lags: list[float], least: float) -
     tick = 1.0 / RATE
     numbers = make_compensator(
         "flux", Sources(POINT, loops, None, replace(calibration, delay=tick, lag=sum(lags))), "f64"
-    ).parameters.numbers
+    ).parameters.constants
     above = below = np.ones(1)
     if lags:
         slow = np.poly([-1.0 / lag for lag in lags])
@@ -316,7 +318,7 @@ def test_the_calibration_is_the_best_constant_over_the_root_of_the_force() -> No
     force = np.array([10.0, 40.0, 90.0, 10.0, 40.0, 90.0])
     gap = np.repeat([0.3e-3, 0.6e-3], 3)
     series = FluxCalibration(gap, force, np.sqrt(force) * np.repeat([0.1, 0.12], 3), 5e-5, 0.0)
-    found = series.density_over(np.array([0.0, 100.0]), np.array([0.3e-3, 0.45e-3, 0.6e-3]))
+    found = series.density_at(np.array([0.0, 100.0]), np.array([0.3e-3, 0.45e-3, 0.6e-3]))
     assert found == pytest.approx(np.array([[0.0, 1.0], [0.0, 1.1], [0.0, 1.2]]))
 
 
@@ -383,13 +385,13 @@ def test_a_calibration_without_force_is_refused() -> None:
     zeros = np.zeros(3)
     series = FluxCalibration(np.full(3, 1e-3), zeros, zeros, 5e-5, 0.0)
     with refused("not-monotone"):
-        series.density_over(zeros, zeros)
+        series.density_at(zeros, zeros)
 
 
 # What pushes as well as it pulls
 
 
-BOTH = Operating(0.42e-3, 0.0, RATE, RANGE, 36.0, 2.0, both_ways=True)
+BOTH = OperatingRange(0.42e-3, 0.0, RATE, RANGE, 36.0, 2.0, is_bipolar=True)
 
 
 @cache

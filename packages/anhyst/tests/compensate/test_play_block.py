@@ -10,7 +10,7 @@ import pytest
 from anhyst._core import FixedForceController, ForceController, ForceControllerF32
 from anhyst.compensate.current_map import CurrentMap, PlayMap
 from anhyst.compensate.play_block import Words
-from anhyst.support.block_layout import KINDS, PLACES
+from anhyst.support.block_layout import KINDS, WORD_INDEX
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import NumberFormat
 
@@ -36,16 +36,16 @@ def a_play() -> PlayMap:
 @pytest.mark.parametrize("number_format", ["fixed", "f32", "f64"])
 def test_block_states_its_kind_and_values_and_is_accepted(number_format: NumberFormat) -> None:
     words = a_play().block(number_format, 0x12345678)
-    assert words[PLACES["KIND"]] == KINDS["play"]
-    assert words[PLACES["LENGTH"]] == words.size
-    assert words[PLACES["MODEL"]] == 0x5678
-    current = words[int(words[PLACES["PLAY_CURRENT"]])]
+    assert words[WORD_INDEX["KIND"]] == KINDS["play"]
+    assert words[WORD_INDEX["LENGTH"]] == words.size
+    assert words[WORD_INDEX["MODEL"]] == 0x5678
+    current = words[int(words[WORD_INDEX["PLAY_CURRENT"]])]
     assert current == pytest.approx(
         0.2 * (32768.0 / 4.0 if number_format == "fixed" else 1.0), 1e-2
     )
-    kept = np.delete(words, [PLACES["CRC"], PLACES["CRC"] + 1])
+    kept = np.delete(words, [WORD_INDEX["CRC"], WORD_INDEX["CRC"] + 1])
     crc = zlib.crc32(kept.astype(kept.dtype.newbyteorder("<")).tobytes())
-    low, high = (int(word) & 0xFFFF for word in words[PLACES["CRC"] :][:2])
+    low, high = (int(word) & 0xFFFF for word in words[WORD_INDEX["CRC"] :][:2])
     assert low | high << 16 == crc
     start(number_format, words)
 

@@ -10,11 +10,11 @@ import pytest
 
 from anhyst.compensate.current_map import (
     PlayMap,
-    best_radius,
-    expected_forces,
-    no_steeper,
-    one_play,
-    single_valued_map,
+    fit_play_map,
+    fit_radius,
+    fit_single_valued_map,
+    limit_slope,
+    predict_forces,
 )
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.sources import Sources
@@ -46,7 +46,7 @@ class Oracle:
     def solve(self, force: float, gap: float) -> float:
         i = self.at(self.play.map.entries, force, gap)
         share = float(np.clip((i - self.b) / self.play.radius, -1.0, 1.0))
-        return i + self.at(self.play.half, force, gap) * share
+        return i + self.at(self.play.half_width, force, gap) * share
 
     def commit(self, current: float, gap: float) -> float:
         low, high = 0.0, self.play.scales.demand
@@ -60,7 +60,7 @@ class Oracle:
 
 @cache
 def fitted() -> PlayMap:
-    return one_play(Sources(POINT, known()[0]), "f64")
+    return fit_play_map(Sources(POINT, known()[0]), "f64")
 
 
 def controller(number_format: NumberFormat, play: PlayMap | None = None) -> ForceController:
@@ -100,8 +100,8 @@ def test_every_format_is_the_law_as_it_is_written(
 
 
 def test_without_width_it_is_the_single_valued_map_bit_for_bit() -> None:
-    flat = replace(fitted(), half=np.zeros_like(fitted().half))
-    map_alone = single_valued_map(Sources(POINT, known()[0]), "f64")
+    flat = replace(fitted(), half_width=np.zeros_like(fitted().half_width))
+    map_alone = fit_single_valued_map(Sources(POINT, known()[0]), "f64")
     formats: tuple[NumberFormat, ...] = ("f64", "f32", "fixed")
     for number_format in formats:
         with_play = controller(number_format, replace(flat, map=map_alone))
@@ -114,7 +114,7 @@ def test_without_width_it_is_the_single_valued_map_bit_for_bit() -> None:
 
 def test_the_loop_has_the_measured_width() -> None:
     """Cycled over all forces, both branches stand half the width from the middle."""
-    play = one_play(Sources(POINT, around(roots)), "f64")
+    play = fit_play_map(Sources(POINT, around(roots)), "f64")
     drive = controller("fixed", play)
     gap = 0.4e-3
     up = np.linspace(0.0, 95.0, 400)
@@ -141,7 +141,8 @@ def test_any_two_states_are_one_after_the_current_has_moved_by_two_radii() -> No
     assert len({drive.solve(50.0, gap) for drive in drives}) > 1
     forces = [20.0, 70.0]
     i = [
-        controller("f64", replace(fitted(), half=0.0 * fitted().half)).solve(f, gap) for f in forces
+        controller("f64", replace(fitted(), half_width=0.0 * fitted().half_width)).solve(f, gap)
+        for f in forces
     ]
     assert i[1] - i[0] > 2.0 * radius
     for force in (*forces, 45.0):
@@ -168,13 +169,13 @@ def test_a_solve_leaves_the_play_alone_and_a_small_cycle_closes() -> None:
 
 
 def test_the_half_width_of_the_loops_is_found_and_no_branch_falls() -> None:
-    half = one_play(Sources(POINT, around(roots)), "f64").half
+    half = fit_play_map(Sources(POINT, around(roots)), "f64").half_width
     inside = slice(20, -20)
     assert np.abs(half[:, inside] - 0.5 * WIDTH).max() < 0.01 * WIDTH
     entries = fitted().map.entries
     for side in (-1.0, 1.0):
-        assert np.diff(entries + side * fitted().half).min() >= 0.0
-    steep = no_steeper(np.array([[5.0, 0.0, 9.0]]), np.array([[1.0, 2.0]]))
+        assert np.diff(entries + side * fitted().half_width).min() >= 0.0
+    steep = limit_slope(np.array([[5.0, 0.0, 9.0]]), np.array([[1.0, 2.0]]))
     assert steep.tolist() == [[1.0, 0.0, 2.0]]
 
 
@@ -182,12 +183,12 @@ def test_the_radius_is_the_best_of_all_that_minor_cycles_show() -> None:
     """With another radius the forces of the records are expected worse."""
     loops = known()[0]
     surface = fit_surface(loops, (0.0, fitted().scales.demand), (GAPS[0], GAPS[-1]))
-    assert best_radius(surface, loops, POINT) == pytest.approx(fitted().radius)
+    assert fit_radius(surface, loops, POINT) == pytest.approx(fitted().radius)
     inside = [loop for loop in loops.loops if RANGE[0] <= (loop.schedule_value or 0.0) <= RANGE[1]]
 
     def off(radius: float) -> float:
         play = replace(fitted(), radius=radius)
-        errors = np.concatenate([expected_forces(play, one) - one.output for one in inside])
+        errors = np.concatenate([predict_forces(play, one) - one.output for one in inside])
         measured = np.concatenate([one.output for one in inside])
         return float(np.sqrt(np.mean(errors[measured <= POINT.force_max] ** 2)))
 

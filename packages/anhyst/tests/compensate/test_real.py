@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 from anhyst._core import Compensator, CompensatorF32
-from anhyst.compensate.block import Block, DemandLimits, TableSizes, real_core_of
+from anhyst.compensate.block import Block, DemandLimits, TableSizes, make_real_core
 from anhyst.compensate.force_controller import FixedTwin, RealTwin
-from anhyst.compilation.parameters import definition, literal
-from anhyst.compilation.toolchain import SINGLE
+from anhyst.compilation.parameters import define_parameters, float_literal
+from anhyst.compilation.toolchain import KIND_SOURCES_F32
 from anhyst.model.actuator import least_slope
 from anhyst.model.parameters import GapMap
 from anhyst.support.atomic import core_folder
-from anhyst.support.block_layout import PLACES
-from anhyst.support.block_words import Names, Scales
+from anhyst.support.block_layout import WORD_INDEX
+from anhyst.support.block_words import Scales, SignalUnits
 from anhyst.support.numeric import FloatArray
 from tests.actuators import (
     CURRENTS,
@@ -293,7 +293,7 @@ def test_block_with_unsound_number_is_refused(name: str, value: float) -> None:
     block = real("full", sizes=SAME, io="f64")
     assert takes(block, block.words)
     words: FloatArray = block.words.copy()
-    words[PLACES[name]] = value
+    words[WORD_INDEX[name]] = value
     assert not takes(block, words)
 
 
@@ -303,11 +303,11 @@ def test_a_current_that_would_fall_is_refused(kind: RealKind) -> None:
     (first, entries), field_arm = block.tables["GAP_FLUX_ARM"], block.table("GAP_FIELD_ARM")
     flux_arm = 0.0
     if kind == "full":  # as low as the steepest rise of the flux over the field allows
-        share = block.number("FULL_REVERSIBLE")
+        share = block.word_value("FULL_REVERSIBLE")
         reversible = np.diff(block.table("FULL_CURVE"))
         pinned = np.diff(block.table("FULL_BRANCH"))[reversible.size :]
         steepest = (share * reversible + (1.0 - share) * pinned).max() * reversible.size
-        flux_arm = -field_arm[-1] / (4.0 * block.number("FULL_AIR") + steepest)
+        flux_arm = -field_arm[-1] / (4.0 * block.word_value("FULL_AIR") + steepest)
     for part, is_taken in ((0.97, True), (1.03, kind == "simplified")):
         words: FloatArray = block.words.copy()
         words[first + entries - 1] = part * flux_arm
@@ -338,7 +338,7 @@ def test_every_single_flipped_bit_of_a_block_in_single_precision_is_refused(kind
         gap_segments=0, curve_segments=3, inverse_segments=3, octaves=6, octave_segments=2
     )
     block = real(kind, sizes=few)
-    real_core_of(block)
+    make_real_core(block)
     for at in range(block.words.size):
         for bit in range(32):
             words = block.words.copy()
@@ -351,9 +351,9 @@ def test_every_single_flipped_bit_of_a_block_in_single_precision_is_refused(kind
 def test_conditioning_makes_the_start_known(kind: RealKind) -> None:
     known, strange = RealTwin(real(kind)), RealTwin(real(kind))
     memory = {"full": [-0.3, -0.6, -0.3, -0.3, -0.6], "simplified": [0.4, -0.8, 0.4, 0.4, 0.0]}
-    strange.start_from(memory[kind])
-    currents = known.condition(WIDE)
-    assert np.array_equal(strange.condition(WIDE), currents)
+    strange.set_memory(memory[kind])
+    currents = known.run_start_up(WIDE)
+    assert np.array_equal(strange.run_start_up(WIDE), currents)
     assert (currents.min(), currents.max()) == pytest.approx(CURRENTS)
     goal = 0.4 * HIGH
     assert strange.solve(goal, WIDE) == pytest.approx(known.solve(goal, WIDE), abs=2e-3)
@@ -362,9 +362,9 @@ def test_conditioning_makes_the_start_known(kind: RealKind) -> None:
 def test_a_memory_must_be_one() -> None:
     twin = RealTwin(real("full"))
     with pytest.raises(ValueError, match="five numbers"):
-        twin.start_from([0.0, 0.0])
+        twin.set_memory([0.0, 0.0])
     with pytest.raises(ValueError, match=r"-1\.\.1"):
-        twin.start_from([0.0, 1.5, 0.0, 0.0, 0.0])
+        twin.set_memory([0.0, 1.5, 0.0, 0.0, 0.0])
 
 
 PROGRAM = """
@@ -400,14 +400,16 @@ def test_the_c_that_is_written_out_gives_the_same_bits(
         pytest.skip("gcc is not installed")
     block = real(kind, sizes=TableSizes())
     core = core_folder()
-    parameters = definition("magnet", "WORDS", block, Names("N", "A"), magnet().schedule)
+    parameters = define_parameters(
+        "magnet", "WORDS", block, SignalUnits("N", "A"), magnet().schedule
+    )
     source, program = tmp_path / "all.c", tmp_path / "all"
     head = (
         '#include "anhyst/compensator/compensator_f32.h"\n'
         f"#define KERNEL anhyst_kernel_{kind}_f32\n#define WORDS {block.words.size}\n"
     )
     source.write_text(head + parameters + PROGRAM, encoding="utf-8")
-    sources = [str(source), *(f"{core}/src/{name}" for name in SINGLE[kind])]
+    sources = [str(source), *(f"{core}/src/{name}" for name in KIND_SOURCES_F32[kind])]
     strict = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
     options = [*strict, level, "-ffp-contract=off", f"-I{core}/include"]
     command = [compiler, *options, *sources, "-o", str(program)]
@@ -415,7 +417,7 @@ def test_the_c_that_is_written_out_gives_the_same_bits(
     demand = demanding(HIGH)
     gap = moving(demand.size)
     rows = "\n".join(
-        f"{literal(d)[:-1]} {literal(g)[:-1]}" for d, g in zip(demand, gap, strict=True)
+        f"{float_literal(d)[:-1]} {float_literal(g)[:-1]}" for d, g in zip(demand, gap, strict=True)
     )
     done = subprocess.run([str(program)], input=rows, capture_output=True, text=True, check=True)
     found = np.array([int(line, 16) for line in done.stdout.split()], dtype=np.uint32)

@@ -63,7 +63,7 @@ def block_of(
     form = ClosedForm(rate_of(law), law.nu, 0.0 * one, 0.0 * one, 0.0 * one, one, 0.0, 0.0)
     limits = DemandLimits((-0.999 * UNIT, 0.999 * UNIT), (-1.05, 1.05))
     sizes = TableSizes(octave_segments=segments, substeps=substeps)
-    return build_block(ring(), kind, Scales(UNIT, 1.1, 0.0, 0.0), limits, sizes, law=form)
+    return build_block(ring(), kind, Scales(UNIT, 1.1, 0.0, 0.0), limits, sizes, closed_form=form)
 
 
 def followed(

@@ -12,11 +12,11 @@ from anhyst.compensate.block import Block, Conditioning, DemandLimits, TableSize
 from anhyst.compensate.force_controller import FixedTwin, ForceController, RealTwin
 from anhyst.compensate.methods import compile_inverse
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst.compensate.sources import Operating, Sources
+from anhyst.compensate.sources import OperatingRange, Sources
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.schema import ValidRange
-from anhyst.support.block_layout import PLACES
+from anhyst.support.block_layout import WORD_INDEX
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
@@ -183,7 +183,7 @@ def test_a_swap_keeps_what_every_layer_remembers() -> None:
 def test_numbers_of_layers_that_make_no_sense_are_refused(key: str, value: float) -> None:
     given = block(magnet(LAYERS["two"]))
     words = given.words.copy()
-    words[PLACES[f"SOLID_{key}"]] = value
+    words[WORD_INDEX[f"SOLID_{key}"]] = value
     with pytest.raises(ValueError, match="not valid"):
         _core.Compensator("cells", sealed(words))
 
@@ -209,7 +209,7 @@ def test_the_simplified_law_refuses_layers() -> None:
 @pytest.mark.parametrize("number_format", ["f64", "f32", "fixed"])
 def test_a_force_controller_of_a_magnet_follows_its_layers(number_format: NumberFormat) -> None:
     model = magnet(LAYERS["three and sheets"])
-    where = Operating(4e-4, 60.0, RATE, GAPS, 200.0, 6.0)
+    where = OperatingRange(4e-4, 60.0, RATE, GAPS, 200.0, 6.0)
     made = compile_inverse("full", Sources(where, model=model), number_format)
     demand, gap = ramps(6, 1200)
     current = ForceController("full", number_format, made).run(demand, gap)
@@ -221,6 +221,6 @@ def test_what_all_layers_remember_can_be_taken_over() -> None:
     demand, gap = ramps(7, 1500)
     first, second = RealTwin(parameters), RealTwin(parameters)
     first.run(demand[:900], gap[:900])
-    second.start_from(first.memory)
+    second.set_memory(first.memory)
     later = [one.run(demand[900:], gap[900:]) for one in (first, second)]
     assert np.array_equal(later[0], later[1])

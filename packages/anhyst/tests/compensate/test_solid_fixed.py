@@ -11,11 +11,11 @@ import pytest
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, TableSizes
 from anhyst.compensate.builder import build_block
-from anhyst.compensate.force_controller import FixedTwin, RealTwin, twin_of
+from anhyst.compensate.force_controller import FixedTwin, RealTwin, make_twin
 from anhyst.compensate.plan import CompileRequest, find_limits, find_scales, make_plan
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
-from anhyst.support.block_layout import WORDS
+from anhyst.support.block_layout import WORD_INDEX_OF_KIND
 from anhyst.support.block_words import Scales
 from tests.actuators import RealIo, real_block
 from tests.compensate.test_block import sealed
@@ -40,13 +40,13 @@ def block(model: Model, *, still: bool = False, rate: float = RATE) -> Block:
     scales = Scales(300.0, 8.0, *GAPS)
     limits = DemandLimits((0.0, TOP), (0.0, 6.0))
     return build_block(
-        model, "cells", scales, limits, SIZES, Conditioning(1, 100, rate), still=still
+        model, "cells", scales, limits, SIZES, Conditioning(1, 100, rate), is_static=still
     )
 
 
 def refuses(block: Block, word: str, value: int) -> bool:
     words = block.words.copy()
-    words[WORDS["cells"][word]] = value
+    words[WORD_INDEX_OF_KIND["cells"][word]] = value
     try:
         FixedCompensator("cells", sealed(words))
     except ValueError:
@@ -119,7 +119,7 @@ def test_irons_of_other_kinds_are_followed_as_in_double_precision(model: Model) 
     gap = low + (high - low) * (gap - GAPS[0]) / (GAPS[1] - GAPS[0])
     off = {
         name: np.abs(force_of(model, twin.run(demand, gap), gap) - demand)
-        for name, twin in (("fixed", twin_of(plan.block, "q31")), ("f64", RealTwin(real)))
+        for name, twin in (("fixed", make_twin(plan.block, "q31")), ("f64", RealTwin(real)))
     }
     assert off["fixed"].max() < max(2e-3 * top, 1.2 * off["f64"].max())
 
@@ -128,7 +128,7 @@ def test_a_block_at_rest_is_that_of_the_iron_without_layers() -> None:
     demand, gap = ramps(1, 500)
     still = block(magnet(LAYERS["two"]), still=True)
     thin = block(magnet(LAYERS["two"]).at_rest)
-    assert still.word("SOLID_LAYERS") == 0
+    assert still.integer("SOLID_LAYERS") == 0
     currents = [FixedTwin(one).run(demand, gap) for one in (still, thin)]
     assert currents[0] == pytest.approx(currents[1], abs=1e-2)
 
@@ -186,7 +186,7 @@ def test_what_all_layers_remember_can_be_taken_over() -> None:
     demand, gap = ramps(7, 1500)
     first, second = FixedTwin(made), FixedTwin(made)
     first.run(demand[:900], gap[:900])
-    second.start_from(first.memory)
+    second.set_memory(first.memory)
     later = [one.run(demand[900:], gap[900:]) for one in (first, second)]
     assert np.array_equal(later[0], later[1])
 

@@ -14,7 +14,7 @@ import pytest
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation import output, play
 from anhyst.compilation.output import compile_model
-from anhyst.compilation.packages import package_files
+from anhyst.compilation.packages import make_package_files
 from anhyst.compilation.play import compile_play
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import write_files
@@ -38,7 +38,7 @@ class Plain:
     values: Mapping[str, Any]
 
     def write(self, package: str, folder: Path) -> Path:
-        write_files(folder, package_files(package, self.files, self.manifest, self.values))
+        write_files(folder, make_package_files(package, self.files, self.manifest, self.values))
         return folder
 
 
@@ -149,7 +149,7 @@ def passed(plain: Plain) -> str:
 def undrawn() -> Iterator[None]:
     """Leave the picture of a budget out: it takes a fifth of compiling."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("anhyst.compilation.budget_page._figure", lambda budget: None)
+        patch.setattr("anhyst.compilation.budget_page._draw_deviations", lambda budget: None)
         patch.setattr("anhyst.compilation.budget_page.svg_text", lambda figure, prefix: "<svg/>")
         yield
 

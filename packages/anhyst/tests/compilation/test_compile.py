@@ -16,15 +16,15 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.compensate.force_controller import twin_of
-from anhyst.compensate.measure import against_demand, run_with_losses
-from anhyst.compensate.plan import CompileRequest, full_scale
+from anhyst.compensate.force_controller import make_twin
+from anhyst.compensate.measure import compare_with_demand, run_with_losses
+from anhyst.compensate.plan import CompileRequest, round_full_scale
 from anhyst.compilation.output import Compiled, compile_model
 from anhyst.model.actuator import Model
 from anhyst.model.schema import FitFigures, ValidRange
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import core_folder
-from anhyst.support.block_layout import BODY
+from anhyst.support.block_layout import BODY_WORDS
 from anhyst.support.errors import NegativeResult
 from tests.actuators import GAPS, magnet, ring
 from tests.core.test_c_core import tool
@@ -124,8 +124,8 @@ def test_c_compiles_without_a_warning_and_gives_the_golden_currents(
 
 def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) -> None:
     plan = compiled.plan
-    ways = plan.builder.reach.paths(seed=77)
-    deviation, _ = against_demand(plan.model, plan.block, plan.request.io, ways)
+    ways = plan.builder.output_range.paths(seed=77)
+    deviation, _ = compare_with_demand(plan.model, plan.block, plan.request.io, ways)
     assert compiled.budget.compiled.worst is not None
     assert deviation.worst <= 1.3 * compiled.budget.compiled.worst
     assert any("formats and tables" in text for text in compiled.warnings) == (
@@ -140,9 +140,9 @@ def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) 
 def test_budget_is_what_the_model_says_sample_by_sample(folder: Path) -> None:
     """The budget maps currents to force in one go; the stepper does it another way."""
     plan = full(folder).plan
-    path = plan.builder.reach.paths(seed=5)[-1]
+    path = plan.builder.output_range.paths(seed=5)[-1]
     assert path.gap is not None
-    twin, stepper = twin_of(plan.block, "q15"), plan.model.stepper(path.gap[0], "demagnetised")
+    twin, stepper = make_twin(plan.block, "q15"), plan.model.stepper(path.gap[0], "demagnetised")
     low, high = plan.block.limits.current
     worst = 0.0
     for demand, gap in zip(path.demand[:300].tolist(), path.gap[:300].tolist(), strict=True):
@@ -156,14 +156,14 @@ def test_budget_is_what_the_model_says_sample_by_sample(folder: Path) -> None:
 
 def test_lost_currents_are_reported_to_the_memory(folder: Path) -> None:
     plan = full(folder).plan
-    path = plan.builder.reach.paths()[1]
+    path = plan.builder.output_range.paths()[1]
     run = run_with_losses(plan.model, plan.block, "q15", path)
-    lost = ~run.judged
+    lost = ~run.is_evaluated
     assert lost.sum() == path.demand.size // 4
     low, high = plan.block.limits.current
     free = (run.current > low + 0.001) & (run.current < high - 0.001)
     error = np.abs(run.output - path.demand)
-    assert error[run.judged & free].max() <= plan.allowance
+    assert error[run.is_evaluated & free].max() <= plan.allowance
     assert error[lost & free].max() > 20.0 * plan.allowance
 
 
@@ -190,12 +190,12 @@ def test_manifest_reports_what_the_folder_is(compiled: Compiled) -> None:
     assert {*manifest["files"], "manifest.json"} == files_below(compiled.out)
     gap = manifest["signals"]["gap"]
     assert (gap["low"], gap["high"], gap["unit"]) == (GAPS[0], GAPS[-1], "m")
-    assert manifest["signals"]["demand"]["scale"] > plan.largest
+    assert manifest["signals"]["demand"]["scale"] > plan.reference_output
     assert manifest["accuracy"]["worst_percent"] > 0.0
     assert manifest["conditioning"]["remaining_percent"] < 0.1
     assert all(manifest["plan"].values())
     words = {word["name"]: word for word in manifest["parameters"]}
-    assert set(words) == {word.name for word in BODY[plan.block.kind]}
+    assert set(words) == {word.name for word in BODY_WORDS[plan.block.kind]}
     high, one = words["CURRENT_HIGH"], 32768.0 if plan.block.is_fixed else 1.0
     value = float(plan.block.words[high["first"]]) / one * high["scale"]
     assert value == pytest.approx(plan.block.limits.current[1], abs=2.0**-15 * high["scale"])
@@ -492,4 +492,4 @@ def test_json_says_what_the_manifest_says(
     ("largest", "scale"), [(291.5, 300.0), (3.01, 4.0), (0.1, 0.12), (1.0, 1.2), (9.9, 10.0)]
 )
 def test_full_scale_is_the_next_round_value(largest: float, scale: float) -> None:
-    assert full_scale(largest) == scale
+    assert round_full_scale(largest) == scale

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.compilation.play import CompiledPlay, compile_play, worst
+from anhyst.compilation.play import CompiledPlay, compile_play, max_magnitude
 from anhyst.model.writer import write_model
 from anhyst.support.numeric import rms
 from anhyst.verification import verify
@@ -105,7 +105,7 @@ def test_what_it_says_of_its_accuracy_is_what_the_play_gains(
     assert rms(play.small) < rms(without.small)
     said = json.loads((compiled.out / "manifest.json").read_text())["accuracy"]
     assert said["play"]["major_worst_percent"] == pytest.approx(
-        100.0 * worst(play.major) / said["largest_output"]
+        100.0 * max_magnitude(play.major) / said["largest_output"]
     )
     again = compile_play(place / "magnet.toml", place / "again", 2e4, "q31", "upper")
     for name in compiled.files:

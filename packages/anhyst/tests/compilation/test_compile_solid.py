@@ -10,7 +10,7 @@ import pytest
 
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import Compiled, compile_model
-from anhyst.compilation.toolchain import ROOM, Build, compile_c
+from anhyst.compilation.toolchain import MEMORIES_HEADER, Build, compile_c
 from anhyst.support.atomic import core_folder
 from anhyst.support.errors import NegativeResult
 from anhyst.verification.verify import verify
@@ -40,7 +40,7 @@ def test_only_the_room_for_memories_differs_from_the_core(compiled: Compiled) ->
     for name in compiled.files:
         if name.startswith(("include/", "src/")):
             same = (compiled.out / name).read_bytes() == (core_folder() / name).read_bytes()
-            assert same == (name != ROOM), name
+            assert same == (name != MEMORIES_HEADER), name
 
 
 def test_every_file_compiles_alone_on_16_bits(compiled: Compiled) -> None:

@@ -23,7 +23,7 @@ from anhyst.compilation.packages import (
     Ecosystem,
     check_package,
     license_text,
-    package_files,
+    make_package_files,
 )
 from anhyst.verification.bundle import read_bundle
 from tests.actuators import magnet
@@ -242,7 +242,7 @@ def test_another_ecosystem_is_one_record(place: Path, monkeypatch: pytest.Monkey
     monkeypatch.setitem(PACKAGES, "own", own)
     check_package("own")
     one = plain(place, "cells")
-    files = package_files("own", one.files, one.manifest, one.values)
+    files = make_package_files("own", one.files, one.manifest, one.values)
     assert {"h/anhyst/numeric/fixed.h", "h/upper_2_parameters.h", "upper_2.json"} <= set(files)
     assert {"c/compensator/cells.c", "c/upper_2_parameters.c", "LICENSE"} <= set(files)
     assert not any(name.startswith("port/") or name.endswith(".md") for name in files)
@@ -254,7 +254,7 @@ def test_the_command_writes_and_replaces_a_package(
     file = model_file(tmp_path, measured(magnet()))
     out = tmp_path / "out"
     one = plain(place, "cells")
-    write_folder(out, package_files("cmsis-pack", one.files, one.manifest, one.values), {})
+    write_folder(out, make_package_files("cmsis-pack", one.files, one.manifest, one.values), {})
     options = ["--rate", "1e4", "--kind", "simplified", "--accuracy", "40", "--name", "lower"]
     command = ["compile", str(file), "--out", str(out), *options]
     assert main([*command, "--package", "zephyr"]) == 0

@@ -52,5 +52,5 @@ def respond(
         wanted = gains.K_p * (gains.weight * r - y) + integral + gains.K_load * force
         wanted -= gains.K_d * velocity + gains.K_dd * acceleration
         outputs[i], integrals[i] = np.clip(wanted, gains.low, gains.high), integral
-        integral += gains.K_i * tick * (r - y) + gains.back * (limit(outputs[i]) - wanted)
+        integral += gains.K_i * tick * (r - y) + gains.tracking_share * (limit(outputs[i]) - wanted)
     return outputs, integrals

@@ -336,7 +336,7 @@ def saturate(measured: float | None) -> float:
     """
     control = replace(
         CONTROL,
-        measured=measured is not None,
+        uses_measured_currents=measured is not None,
         limits=replace(CONTROL.limits, current_high=2.9),
     )
     rig = Rig(make("f64", control))

@@ -76,7 +76,7 @@ class Twin(FixedPosition):
 
 CASES = {
     "single": CONTROL,
-    "measured": replace(CONTROL, measured=True),
+    "measured": replace(CONTROL, uses_measured_currents=True),
     "second derivative": replace(CONTROL, pidd2=replace(CONTROL.pidd2, K_dd=0.3)),
     "pair": PAIR,
 }

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from anhyst.data import History, Loop, Loops, estimates
-from anhyst.data.clean import DEFAULT_STEPS, STEPS, clean, thin
-from anhyst.data.delay import skew
-from anhyst.data.estimates import noise
-from anhyst.data.path import turning_points
+from anhyst.data.clean import DEFAULT_STEPS, STEPS, clean, thin_loops
+from anhyst.data.delay import estimate_delay
+from anhyst.data.estimates import estimate_noise
+from anhyst.data.path import find_turning_points
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
@@ -85,7 +85,7 @@ def test_spikes_go_and_tips_stay() -> None:
 def test_cycles_of_two_kinds_in_turn_are_no_drift() -> None:
     drive = np.tile(np.concatenate([np.linspace(0, 1, 40), np.linspace(1, 0, 40)]), 20)
     size = np.repeat(np.arange(20) % 2, 80)
-    assert estimates.drift(record(drive, drive**2 * (1.0 + size)).loops[0]) is None
+    assert estimates.estimate_drift(record(drive, drive**2 * (1.0 + size)).loops[0]) is None
 
 
 def test_drift_is_found_and_removed() -> None:
@@ -100,7 +100,7 @@ def test_drift_is_found_and_removed() -> None:
 def test_offsets_of_symmetric_loops_are_found() -> None:
     field, flux, _ = iron()
     field, flux = field[SAMPLES:], flux[SAMPLES:]
-    found = estimates.offsets(record(field + 1.5, flux - 0.02).loops[0])
+    found = estimates.estimate_offsets(record(field + 1.5, flux - 0.02).loops[0])
     assert found is not None
     assert found[0] == pytest.approx(1.5, abs=0.05)
     assert found[1] == pytest.approx(-0.02, abs=1e-3)
@@ -117,7 +117,7 @@ def test_offset_of_force_is_left_alone() -> None:
 
 def test_unipolar_loops_have_no_centre() -> None:
     field, flux, _ = iron()
-    assert estimates.offsets(record(field + 100.0, flux).loops[0]) is None
+    assert estimates.estimate_offsets(record(field + 100.0, flux).loops[0]) is None
 
 
 @pytest.mark.parametrize("delay", [-2.0, 1.0, 2.5])
@@ -126,10 +126,10 @@ def test_delay_between_channels_is_found_in_noise(delay: float) -> None:
     rows = np.arange(field.size)
     late = np.interp(rows - delay, rows, flux)[10:-10]
     noisy = late + np.random.default_rng(3).normal(0.0, 1e-4, late.size)
-    found = skew(record(field[10:-10], noisy).loops[0])
+    found = estimate_delay(record(field[10:-10], noisy).loops[0])
     assert found == pytest.approx(delay, abs=0.25)
     cleaned = clean(record(field[10:-10], noisy), ["skew"]).loops[0]
-    again = skew(cleaned)
+    again = estimate_delay(cleaned)
     assert again is not None
     assert abs(again) < 0.2
 
@@ -137,27 +137,27 @@ def test_delay_between_channels_is_found_in_noise(delay: float) -> None:
 def test_no_delay_is_claimed_where_there_is_none() -> None:
     field, flux, _ = iron(6.0)
     noisy = flux + np.random.default_rng(4).normal(0.0, 2e-3, flux.size)
-    assert skew(record(field, noisy).loops[0]) in {0.0, None}
+    assert estimate_delay(record(field, noisy).loops[0]) in {0.0, None}
 
 
 def test_noise_alone_is_no_delay() -> None:
     field, flux, _ = iron(20.0, 4000)
     noisy = flux + np.random.default_rng(4).normal(0.0, 0.05, flux.size)
-    assert skew(record(field, noisy).loops[0]) in {0.0, None}
+    assert estimate_delay(record(field, noisy).loops[0]) in {0.0, None}
 
 
 @pytest.mark.parametrize("sigma", [1e-4, 1e-3, 5e-3])
 def test_noise_is_reported_from_the_signal(sigma: float) -> None:
     _, flux, _ = iron(5.0, 1000)
     noisy = flux + np.random.default_rng(5).normal(0.0, sigma, flux.size)
-    assert noise(noisy) == pytest.approx(sigma, rel=0.1)
+    assert estimate_noise(noisy) == pytest.approx(sigma, rel=0.1)
 
 
 def test_spikes_do_not_count_as_noise() -> None:
     _, flux, _ = iron(5.0, 1000)
     noisy = flux + np.random.default_rng(5).normal(0.0, 1e-3, flux.size)
     noisy[::100] += 0.5
-    assert noise(noisy) == pytest.approx(1e-3, rel=0.2)
+    assert estimate_noise(noisy) == pytest.approx(1e-3, rel=0.2)
 
 
 def test_wobbling_gap_is_settled_to_its_median() -> None:
@@ -175,11 +175,11 @@ def test_wobbling_gap_is_settled_to_its_median() -> None:
 def test_thinning_keeps_reversals_and_the_path() -> None:
     field, flux, time = iron(4.0, 5000)
     loops = record(field, flux, time)
-    thinned = thin(loops, 600)
+    thinned = thin_loops(loops, 600)
     loop = thinned.loops[0]
     assert 300 < loop.n <= 600
     assert thinned.repairs[0].startswith("thin: 1 loop averaged to 600 samples")
-    turns = turning_points(field, 1.0)
+    turns = find_turning_points(field, 1.0)
     assert np.isin(field[turns], loop.input).all()
     assert loop.reverses
     assert loop.time is not None
@@ -191,7 +191,7 @@ def test_thinning_keeps_reversals_and_the_path() -> None:
 def test_thinning_averages_noise_away() -> None:
     field, flux, time = iron(1.0, 50_000)
     noisy = flux + np.random.default_rng(6).normal(0.0, 0.01, flux.size)
-    loop = thin(record(field, noisy, time), 500).loops[0]
+    loop = thin_loops(record(field, noisy, time), 500).loops[0]
     assert loop.time is not None
     left = loop.output - np.interp(loop.time, time, flux)
     assert np.sqrt(np.mean(left**2)) < 0.003

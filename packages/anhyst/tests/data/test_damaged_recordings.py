@@ -120,7 +120,7 @@ def test_sizes_that_a_mat_file_lies_about_are_found_before_memory_is_taken(
     path.write_bytes(head + part(14, many))
     with refused("damaged-file"):
         open_table(path)
-    monkeypatch.setattr(mat, "MOST_BYTES", 1 << 20)
+    monkeypatch.setattr(mat, "MAX_BYTES", 1 << 20)
     packed = zlib.compress(part(14, bytes(1 << 21)))
     path.write_bytes(head + struct.pack("<2I", 15, len(packed)) + packed)
     with refused("too-large"):
@@ -156,7 +156,7 @@ def test_a_workbook_that_would_fill_the_memory_is_refused(
     path = workbook(tmp_path / "run.xlsx", rows, cells=far)
     with refused("too-large: 17179869184"):
         list_channels(path)
-    monkeypatch.setattr(excel, "_MOST_BYTES", 1 << 16)
+    monkeypatch.setattr(excel, "_MAX_EXPANDED_BYTES", 1 << 16)
     path = workbook(tmp_path / "bomb.xlsx", rows, cells=" " * (1 << 18))
     with refused("too-large"):
         list_channels(path)

@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import cont2discrete, dlsim, lfilter
 
 from anhyst.data import Loop, Loops
+from anhyst.data.coil_lag import describe_coil_lag
 from anhyst.data.inspection import inspect
-from anhyst.data.lag import lag_line
 from anhyst.data.resonance import find_resonance
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
@@ -119,18 +119,18 @@ def coil(seed: int, *, lag: float, hysteresis: float) -> tuple[Loops, float]:
 @pytest.mark.parametrize("seed", range(8))
 def test_lag_of_a_coil_is_not_hysteresis(seed: int) -> None:
     measured, lag = coil(seed, lag=0.03, hysteresis=0.0)
-    line = lag_line(measured)
+    line = describe_coil_lag(measured)
     assert "record the current instead" in line
     stated = float(line.split("about ")[1].split(" ms")[0]) * 1e-3
     assert stated == pytest.approx(lag, rel=0.3)
     assert inspect(measured).verdict.level == "unknown"
-    assert lag_line(coil(seed, lag=0.03, hysteresis=0.4)[0])
+    assert describe_coil_lag(coil(seed, lag=0.03, hysteresis=0.4)[0])
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_hysteresis_of_a_coil_is_no_lag(seed: int) -> None:
     measured, _ = coil(seed, lag=0.0, hysteresis=0.5)
-    assert lag_line(measured) == ""
+    assert describe_coil_lag(measured) == ""
     assert inspect(measured).verdict.level == "yes"
 
 
@@ -138,4 +138,4 @@ def test_lag_of_a_current_or_a_piezo_is_not_looked_for() -> None:
     measured, _ = coil(0, lag=0.03, hysteresis=0.0)
     for drive, answer in (("current", "force"), ("voltage", "displacement")):
         other = Loops(measured.loops, QUANTITIES[drive], QUANTITIES[answer])
-        assert lag_line(other) == ""
+        assert describe_coil_lag(other) == ""

@@ -11,7 +11,7 @@ import pytest
 from anhyst.data import read_loops
 from anhyst.data.convert import convert
 from anhyst.data.formats import FORMATS, WRITERS, ChannelTable, open_table
-from anhyst.data.formats.channels import ChannelGroup, Series, sections
+from anhyst.data.formats.channels import ChannelGroup, Series, read_groups
 from tests.data import recordings
 from tests.data.recordings import PACKAGES, Array, loop, workbook
 from tests.refusals import refused
@@ -25,7 +25,7 @@ def needs(suffix: str) -> None:
 
 
 def opened(path: Path) -> ChannelTable:
-    table = open_table(path, least=1)
+    table = open_table(path, min_columns=1)
     assert isinstance(table, ChannelTable)
     return table
 
@@ -33,7 +33,7 @@ def opened(path: Path) -> ChannelTable:
 def read_back(path: Path) -> dict[str, tuple[str, Array]]:
     """Unit and samples of every channel and clock by its full name."""
     found = {}
-    for part in sections(opened(path).file):
+    for part in read_groups(opened(path).file):
         before = f"{part.group}/" if part.group else ""
         for one in [*([part.clock] if part.clock else []), *part.series]:
             found[before + one.name] = (one.unit, one.values)
@@ -169,7 +169,7 @@ def test_what_is_written_is_read_back_bit_for_bit(suffix: str, tmp_path: Path) -
 
 def _converted(source: Path, out: Path) -> list[ChannelGroup]:
     convert(source, out)
-    return sections(opened(out).file)
+    return read_groups(opened(out).file)
 
 
 @pytest.mark.slow

@@ -11,10 +11,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from anhyst.data import History, Loop, Loops
+from anhyst.data.initial_history import propose_histories
 from anhyst.data.inspection import inspect, plot_inspection
 from anhyst.data.reading import read_loops
-from anhyst.data.start import propose_histories
-from anhyst.data.verdict import WHERE_IT_PAYS, judge, monotone_fit
+from anhyst.data.verdict import GAIN_ADVICE, assess_loops, fit_monotone
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
@@ -72,7 +72,7 @@ def test_inspection_is_ready_for_json_with_units_in_keys() -> None:
 
 
 def test_wide_loops_are_worth_a_model() -> None:
-    verdict = judge(loopset(magnet(width=0.1, noise=0.02)))
+    verdict = assess_loops(loopset(magnet(width=0.1, noise=0.02)))
     assert verdict.level == "yes"
     assert verdict.worthwhile
     assert verdict.gain > 0.8
@@ -81,16 +81,16 @@ def test_wide_loops_are_worth_a_model() -> None:
 
 
 def test_loops_lost_in_noise_are_not_worth_a_model() -> None:
-    verdict = judge(loopset(magnet(width=1e-4, noise=0.05)))
+    verdict = assess_loops(loopset(magnet(width=1e-4, noise=0.05)))
     assert verdict.level == "no"
     assert not verdict.worthwhile
     assert verdict.gain < 0.3
     assert "is not worth it" in verdict.sentences[-2]
-    assert verdict.sentences[-1].lower() == f"{WHERE_IT_PAYS}.".lower()
+    assert verdict.sentences[-1].lower() == f"{GAIN_ADVICE}.".lower()
 
 
 def test_width_of_even_force_is_found_with_both_signs_of_current() -> None:
-    one = judge(loopset(magnet(width=0.05, bipolar=True)))
+    one = assess_loops(loopset(magnet(width=0.05, bipolar=True)))
     assert one.width == pytest.approx(0.05, rel=0.15)
     assert one.single_mean_relative < 0.05
 
@@ -205,7 +205,7 @@ def test_monotone_fit_is_the_best_one() -> None:
     rng = np.random.default_rng(2)
     values = np.cumsum(rng.normal(0.1, 1.0, 60))
     weights = rng.uniform(0.5, 2.0, 60)
-    fit = monotone_fit(values, weights)
+    fit = fit_monotone(values, weights)
     assert np.all(np.diff(fit) >= 0.0)
     cost = np.sum(weights * (fit - values) ** 2)
     for _ in range(200):

@@ -105,4 +105,4 @@ def test_sidecar_describes_a_folder_of_files(measurements: Path, tmp_path: Path)
 def test_closed_loop_log_is_read_whole(measurements: Path) -> None:
     table = read_columns(measurements / "maglev_ball/closedloop_step_PID_anti_windup-KF.csv")
     assert len(table) == 2001
-    assert table.need("time", "t_s")[-1] == 10.0
+    assert table.require("time", "t_s")[-1] == 10.0

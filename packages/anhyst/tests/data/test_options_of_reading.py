@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from anhyst.data.clean import ReadOptions
-from anhyst.data.file_names import gaps_of_names
+from anhyst.data.file_names import find_gaps_in_names
 from anhyst.data.reading import read_loops
 from anhyst.identification.run import IdentifyTable
 from anhyst.support.numeric import FloatArray
@@ -69,7 +69,7 @@ def test_scale_and_flip_are_applied_noted_and_kept(tmp_path: Path) -> None:
 
 def test_table_of_a_rig_takes_the_same_options() -> None:
     texts = {"columns": "CH1=I_A", "scale": "CH1=10", "flip": "F_N", "drop": "invalid"}
-    assert IdentifyTable.model_validate(texts).reading() == ReadOptions.from_text(**texts)
+    assert IdentifyTable.model_validate(texts).read_options() == ReadOptions.from_text(**texts)
 
 
 def test_volts_need_a_scale_to_be_a_force(tmp_path: Path) -> None:
@@ -125,7 +125,7 @@ def test_invalid_samples_are_left_out_and_counted(tmp_path: Path, mark: str) -> 
     ],
 )
 def test_gaps_of_names(names: list[str], gaps: list[float]) -> None:
-    found = gaps_of_names([Path(f"{name}.csv") for name in names])
+    found = find_gaps_in_names([Path(f"{name}.csv") for name in names])
     assert [1e3 * gap for gap in found.values()] == pytest.approx(gaps)
 
 

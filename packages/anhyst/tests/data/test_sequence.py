@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.data.joining import one_after_another
+from anhyst.data.joining import add_earlier_loops
 from anhyst.data.loops import Loop
 from anhyst.data.path import SETTLED, History
 from anhyst.model.actuator import Model
@@ -40,7 +40,7 @@ def loops(
 
 
 def test_a_loop_on_the_branch_of_a_larger_one_goes_on_from_it() -> None:
-    first, second, third = one_after_another(loops(remembered=True))
+    first, second, third = add_earlier_loops(loops(remembered=True))
     assert first.history == SETTLED
     assert second.history == History("settled", (0.0, 3.0, 0.0))
     assert third.history.turning_points == (0.0, 3.0, 0.0, 0.0, 1.2, 0.0)
@@ -49,7 +49,7 @@ def test_a_loop_on_the_branch_of_a_larger_one_goes_on_from_it() -> None:
 def test_what_was_run_at_another_gap_was_before_too() -> None:
     near = loops(remembered=True, gap=3e-4)
     far = loops(remembered=True, gap=4e-4, clock=100.0)
-    alone, together = (one_after_another([*near, *far], over_gaps=over) for over in (False, True))
+    alone, together = (add_earlier_loops([*near, *far], across_gaps=over) for over in (False, True))
     assert [one.history for one in alone[3:]] == [one.history for one in alone[:3]]
     assert [one.history for one in together[:3]] == [one.history for one in alone[:3]]
     first, second = (one.history for one in together[3:5])
@@ -61,7 +61,7 @@ def test_what_was_run_at_another_gap_was_before_too() -> None:
 
 def test_a_loop_off_the_branch_of_a_larger_one_is_taken_to_be_alone() -> None:
     alone = loops(remembered=False)
-    assert one_after_another(alone) == alone
+    assert add_earlier_loops(alone) == alone
 
 
 @pytest.mark.parametrize("change", ["no clock", "overlapping clocks", "stated", "smaller first"])
@@ -78,7 +78,7 @@ def test_nothing_is_taken_to_have_been_before_where_the_order_does_not_show_it(c
         measured = [
             replace(one, time=at) for one, at in zip(measured, reversed(times), strict=True)
         ]
-    assert one_after_another(measured) == measured
+    assert add_earlier_loops(measured) == measured
 
 
 def test_what_was_before_a_settled_loop_counts_for_an_iron_that_remembers_it() -> None:

@@ -121,7 +121,7 @@ def test_nothing_is_proposed_across_dimensions(tmp_path: Path, header: str) -> N
     ["Kraft/Force [N]", "Flux density [T]", "Spulenstrom oben [A]", "Time 2 - slow rate [s]"],
 )
 def test_bilingual_and_longer_names_are_still_read(header: str) -> None:
-    assert parse_header(header).is_by_word or parse_header(header).is_known
+    assert parse_header(header).is_from_words or parse_header(header).is_known
 
 
 def test_capital_t_in_ms_is_a_time() -> None:

@@ -12,7 +12,7 @@ import pytest
 from anhyst.data import read_loops
 from anhyst.data.formats.channels import ChannelGroup, Series
 from anhyst.data.loops import Loops
-from anhyst.data.table import write_sections
+from anhyst.data.table import write_channel_groups
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from tests.data.recordings import workbook
@@ -201,7 +201,7 @@ def test_workbook_with_loops_of_unknown_gaps_is_refused(tmp_path: Path) -> None:
 def test_groups_at_several_gaps_are_refused_and_one_may_be_chosen(tmp_path: Path) -> None:
     needs(".h5")
     path = tmp_path / "a.h5"
-    write_sections(path, [
+    write_channel_groups(path, [
         ChannelGroup(f"gap_{gap}mm", None, (Series("I", "A", CURRENT), Series("F", "N", force(gap))))
         for gap in (0.4, 0.7)
     ])  # fmt: skip

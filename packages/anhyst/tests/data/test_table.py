@@ -54,8 +54,8 @@ def file_of(folder: Path, content: str | bytes, name: str = "loops.csv") -> Path
 )
 def test_layouts_are_read_alike(tmp_path: Path, content: str) -> None:
     table = read_columns(file_of(tmp_path, content))
-    assert table.need("current", "I_A").tolist() == [0.0, 1.0, 2.0]
-    assert table.need("force", "F_N").tolist() == [0.0, 2.5, 10.0]
+    assert table.require("current", "I_A").tolist() == [0.0, 1.0, 2.0]
+    assert table.require("force", "F_N").tolist() == [0.0, 2.5, 10.0]
 
 
 def test_comments_become_notes(tmp_path: Path) -> None:
@@ -66,8 +66,8 @@ def test_comments_become_notes(tmp_path: Path) -> None:
 def test_latin1_degree_sign_is_read(tmp_path: Path) -> None:
     content = "I_A;T [°C]\n1,5;20\n".encode("latin-1")
     table = read_columns(file_of(tmp_path, content))
-    assert table.need("temperature", "T_C").tolist() == [20.0]
-    assert table.need("current", "I_A").tolist() == [1.5]
+    assert table.require("temperature", "T_C").tolist() == [20.0]
+    assert table.require("current", "I_A").tolist() == [1.5]
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1"])
@@ -75,10 +75,10 @@ def test_text_is_read_in_every_usual_encoding(tmp_path: Path, encoding: str) -> 
     content = "# Messung für µm\r\nI_A;T [°C]\r\n1,5;20\r\n2,5;21\r\n"
     path = file_of(tmp_path, content.encode(encoding))
     table = read_columns(path)
-    assert table.need("current", "I_A").tolist() == [1.5, 2.5]
-    assert table.need("temperature", "T_C").tolist() == [20.0, 21.0]
+    assert table.require("current", "I_A").tolist() == [1.5, 2.5]
+    assert table.require("temperature", "T_C").tolist() == [20.0, 21.0]
     assert table.notes == ("Messung für µm",)
-    assert table.where(1) == f"{path}: line 4"
+    assert table.locate_row(1) == f"{path}: line 4"
     assert table.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
@@ -111,7 +111,7 @@ def test_faults_are_one_line_with_file_and_line(
 ) -> None:
     path = file_of(tmp_path, content)
     with refused(words) as caught:
-        read_columns(path).need("force", "F_N")
+        read_columns(path).require("force", "F_N")
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
     assert message.isprintable()
@@ -119,14 +119,14 @@ def test_faults_are_one_line_with_file_and_line(
 
 def test_a_drive_may_be_all_there_is(tmp_path: Path) -> None:
     path = file_of(tmp_path, "I [A]\n0\n1.5\n2,5\n")
-    assert read_columns(path).need("current", "").tolist() == [0.0, 1.5, 2.5]
+    assert read_columns(path).require("current", "").tolist() == [0.0, 1.5, 2.5]
     with refused("single-column: line 1; 'I [A]'"):
         open_text(path, 2)
 
 
 def test_a_header_may_stand_behind_many_comments(tmp_path: Path) -> None:
     table = read_columns(file_of(tmp_path, "# a remark\n" * 10_000 + GOOD))
-    assert table.need("current", "I_A").tolist() == [0.0, 1.0, 2.0]
+    assert table.require("current", "I_A").tolist() == [0.0, 1.0, 2.0]
     assert len(table.notes) == 10_000
 
 
@@ -152,19 +152,19 @@ def test_time_going_backwards_is_named_with_its_line(tmp_path: Path) -> None:
 def test_text_in_a_column_nobody_needs_is_kept(tmp_path: Path) -> None:
     path = file_of(tmp_path, 'I_A,remark,x1\n1,,3\n2,"a, b",n/a\n3,c,5\n')
     table = read_columns(path)
-    assert table.need("current", "I_A").tolist() == [1.0, 2.0, 3.0]
+    assert table.require("current", "I_A").tolist() == [1.0, 2.0, 3.0]
     remark, other = table.columns[1], table.columns[2]
     assert isinstance(remark, Texts)
     assert isinstance(other, Texts)
-    assert remark.rows() == ["", "a, b", "c"]
-    assert other.rows() == ["3", "n/a", "5"]
+    assert remark.as_list() == ["", "a, b", "c"]
+    assert other.as_list() == ["3", "n/a", "5"]
 
 
 def test_columns_are_mapped(tmp_path: Path) -> None:
     path = file_of(tmp_path, "U_M_V,flux_mWb,y_um\n1,2,3\n")
-    assert read_columns(path, {"U_M_V": "psi_Wb"}).need("flux_linkage", "").tolist() == [1.0]
-    assert read_columns(path, {"flux_mWb": "psi"}).need("flux_linkage", "").tolist() == [0.002]
-    assert read_columns(path, {"y_um": "x"}).need("displacement", "").tolist() == [3e-6]
+    assert read_columns(path, {"U_M_V": "psi_Wb"}).require("flux_linkage", "").tolist() == [1.0]
+    assert read_columns(path, {"flux_mWb": "psi"}).require("flux_linkage", "").tolist() == [0.002]
+    assert read_columns(path, {"y_um": "x"}).require("displacement", "").tolist() == [3e-6]
 
 
 @pytest.mark.parametrize(
@@ -188,7 +188,7 @@ def test_absent_and_doubled_quantities_are_reported(tmp_path: Path) -> None:
     table = read_columns(file_of(tmp_path, "I_A,I_mA\n1,2\n"))
     assert table.get("gap") is None
     with refused("column-missing force"):
-        table.need("force", "F_N")
+        table.require("force", "F_N")
     with refused("column-twice current: 'I_A'; 'I_mA'"):
         table.get("current")
 
@@ -203,7 +203,7 @@ def test_output_repeats_the_input_columns(tmp_path: Path) -> None:
 
 
 def test_values_are_read_only(tmp_path: Path) -> None:
-    values = read_columns(file_of(tmp_path, GOOD)).need("current", "I_A")
+    values = read_columns(file_of(tmp_path, GOOD)).require("current", "I_A")
     with pytest.raises(ValueError, match="read-only"):
         values[0] = 1.0
 
@@ -225,8 +225,8 @@ def test_long_files_are_read_in_chunks_with_progress(tmp_path: Path) -> None:
     assert len(seen) >= 2
     assert seen[-1] == (size, size)
     k = np.arange(200_000)
-    np.testing.assert_allclose(table.need("current", "I_A"), k / 7, atol=5e-8)
-    np.testing.assert_allclose(table.need("force", "F_N"), -k / 3, rtol=5e-7)
+    np.testing.assert_allclose(table.require("current", "I_A"), k / 7, atol=5e-8)
+    np.testing.assert_allclose(table.require("force", "F_N"), -k / 3, rtol=5e-7)
     labels = table.columns[1]
     assert isinstance(labels, Texts)
     assert labels.values == ("run 0", "run 1", "run 2")
@@ -247,7 +247,7 @@ def test_slow_and_fast_way_read_the_same(tmp_path: Path) -> None:
     slow = file_of(tmp_path, "I_A,F_N,x_m\n" + "\n".join(rows) + "\n", "slow.csv")
     one, two = read_columns(plain), read_columns(slow)
     for name in ("current", "force", "displacement"):
-        assert np.array_equal(one.need(name, ""), two.need(name, ""))
+        assert np.array_equal(one.require(name, ""), two.require(name, ""))
 
 
 def test_writing_is_all_or_nothing(tmp_path: Path) -> None:

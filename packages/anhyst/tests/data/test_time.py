@@ -11,13 +11,13 @@ import pytest
 
 from anhyst.data import History, Loop, Loops
 from anhyst.data.clean import clean
-from anhyst.data.delay import skew
-from anhyst.data.filtering import denoise, ripple
+from anhyst.data.delay import estimate_delay
+from anhyst.data.filtering import average_over_ripple, denoise
 from anhyst.data.holes import cut_holes, find_holes
 from anhyst.data.inspection import inspect
 from anhyst.data.reading import read_loops
-from anhyst.data.verdict import loop_width
-from anhyst.identification.fit_records import rest_of
+from anhyst.data.verdict import loop_width_and_height
+from anhyst.identification.fit_records import read_rest_offsets
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.data.test_clean import play
@@ -40,13 +40,13 @@ def triangles(rate_Hz: float, period_s: float, delay_s: float, seed: int) -> Loo
 @pytest.mark.parametrize("delay_s", [0.01, -0.02, 0.05])
 @pytest.mark.parametrize("rate_Hz", [200.0, 5e3, 1e5])
 def test_delay_is_found_in_seconds_at_any_sampling_rate(rate_Hz: float, delay_s: float) -> None:
-    found = skew(triangles(rate_Hz, 1.0, delay_s, seed=1))
+    found = estimate_delay(triangles(rate_Hz, 1.0, delay_s, seed=1))
     assert found is not None
     assert found / rate_Hz == pytest.approx(delay_s, abs=max(0.05 * abs(delay_s), 1.0 / rate_Hz))
 
 
 def test_no_delay_is_claimed_in_records_without_one() -> None:
-    alarms = [skew(triangles(500.0, 1.0, 0.0, seed)) for seed in range(20)]
+    alarms = [estimate_delay(triangles(500.0, 1.0, 0.0, seed)) for seed in range(20)]
     assert not any(alarms)
 
 
@@ -56,7 +56,7 @@ def test_delay_is_removed_and_stated_in_seconds() -> None:
     assert inspect(loops).as_dict()["loops"][0]["skew_s"] == pytest.approx(0.02, rel=0.05)
     cleaned = clean(loops, ["skew"])
     assert " s (" in cleaned.repairs[-1]
-    assert not skew(cleaned.loops[0])
+    assert not estimate_delay(cleaned.loops[0])
 
 
 def forces(noise_A: float, ripple_A: float, seed: int = 0) -> Loops:
@@ -74,14 +74,14 @@ def forces(noise_A: float, ripple_A: float, seed: int = 0) -> Loops:
 
 
 def test_ripple_is_named_and_removed() -> None:
-    cleaned = ripple(forces(0.0, 0.04))
+    cleaned = average_over_ripple(forces(0.0, 0.04))
     assert "200 Hz" in cleaned.repairs[-1]
     assert "0.038 A" in cleaned.repairs[-1]
     assert cleaned.loops[0].reversals == 3
     # The force ripples too: play operators of a half-width r act like those of r - 0.04 A over the
     # mean current, and the edge of the ripple gives the loop of the iron back.
     assert "the force ripples too" in cleaned.repairs[-1]
-    width, _ = loop_width(cleaned.loops[0], even=True)
+    width, _ = loop_width_and_height(cleaned.loops[0], even=True)
     assert width == pytest.approx(0.24, abs=0.015)
 
 
@@ -91,7 +91,7 @@ def test_aliased_ripple_is_removed() -> None:
     assert loop.time is not None
     rows = slice(None, None, 9)  # 200 Hz sampled at 222 Hz appears at 22 Hz
     coarse = Loop("1", loop.input[rows], loop.output[rows], None, loop.time[rows])
-    cleaned = ripple(loops.with_loops([coarse]))
+    cleaned = average_over_ripple(loops.with_loops([coarse]))
     assert "22.22 Hz" in cleaned.repairs[-1]
     assert cleaned.loops[0].reversals == 3
 
@@ -107,7 +107,7 @@ def test_minor_loops_staircases_and_dither_that_fades_are_no_ripple() -> None:
     for drive in drives:
         loop = Loop("1", drive, play(drive, 0.1), None, time, History("settled"))
         loops = Loops((loop,), QUANTITIES["current"], QUANTITIES["flux_density"])
-        assert ripple(loops) is loops
+        assert average_over_ripple(loops) is loops
 
 
 def test_noise_of_the_input_is_reduced_without_a_shift_of_its_tips() -> None:
@@ -138,7 +138,7 @@ def test_offset_of_the_input_is_within_its_interval(noise_A: float) -> None:
             for gap in (5e-4, 8e-4, 1.2e-3)
         )
         three = Loops(loops, QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
-        reading = rest_of(denoise(three)).input
+        reading = read_rest_offsets(denoise(three)).input
         if reading.offset:
             offsets.append(reading.offset)
         covered += abs(reading.offset - 0.012) <= reading.half_width
@@ -158,7 +158,7 @@ def test_reversals_of_minor_loops_are_no_rest() -> None:
         QUANTITIES["force"],
         None,
     )
-    assert rest_of(loops).input.offset == 0.0
+    assert read_rest_offsets(loops).input.offset == 0.0
 
 
 def test_record_is_cut_at_a_missing_stretch() -> None:
@@ -168,8 +168,8 @@ def test_record_is_cut_at_a_missing_stretch() -> None:
     keep = (whole.time < 2.5) | (whole.time > 3.1)
     holed = Loop("1", whole.input[keep], whole.output[keep], None, whole.time[keep])
     (hole,) = find_holes(holed.time)
-    assert hole.at == pytest.approx(2.5, abs=1e-3)
-    assert hole.seconds == pytest.approx(0.6, abs=2e-3)
+    assert hole.time_s == pytest.approx(2.5, abs=1e-3)
+    assert hole.duration_s == pytest.approx(0.6, abs=2e-3)
     cut = cut_holes(loops.with_loops([holed]))
     assert "are missing after sample 5000" in cut.repairs[-1]
     later = cut.loops[1]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.methods import make_compensator
-from anhyst.compensate.sources import Operating, Sources
-from anhyst.compilation.play import CycleErrors, cycle_errors
+from anhyst.compensate.sources import OperatingRange, Sources
+from anhyst.compilation.play import CycleErrors, measure_cycle_errors
 from anhyst.data.reading import read_loops
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, rms
@@ -34,10 +34,12 @@ def test_one_play_takes_the_whole_loop_away_and_spoils_no_small_cycle(
 
     largest = 0.9 * float(answer(np.linspace(0.0, magnet.top, 60), gap)[-1])
     ends = min(magnet.gaps), max(magnet.gaps)
-    sources = Sources(Operating(gap, 0.5 * largest, 2e4, ends, largest, magnet.top), loops)
+    sources = Sources(OperatingRange(gap, 0.5 * largest, 2e4, ends, largest, magnet.top), loops)
 
     def left(method: MethodName) -> CycleErrors:
-        return cycle_errors(make_compensator(method, sources, "fixed"), answer, gap, largest)
+        return measure_cycle_errors(
+            make_compensator(method, sources, "fixed"), answer, gap, largest
+        )
 
     without, play = left("single-valued"), left("play")
     assert rms(play.major) <= WHOLE[name] * rms(without.major)

@@ -11,7 +11,7 @@ from anhyst.compensate.circuit import cell_weights
 from anhyst.data import Loops
 from anhyst.data.loops import Loop
 from anhyst.data.path import History
-from anhyst.identification.uncertainty import field_step, resolved
+from anhyst.identification.uncertainty import field_step_after_reversal, free_unresolved_cells
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.support.units import QUANTITIES
@@ -46,8 +46,8 @@ def test_thresholds_finer_than_the_samples_and_lost_in_noise_are_taken_as_free(
     step: float, left: int
 ) -> None:
     coarse = loops(step, noise=0.5)
-    assert field_step(model(), coarse) == pytest.approx(step)
-    found = cell_weights(resolved(model(), coarse))
+    assert field_step_after_reversal(model(), coarse) == pytest.approx(step)
+    found = cell_weights(free_unresolved_cells(model(), coarse))
     assert found.thresholds.tolist() == [0.0, 4.0, 12.0, 60.0][:1] + [4.0, 12.0, 60.0][4 - left :]
     assert found.saturation == pytest.approx(CELLS.saturation)
     assert found.weights[0, 0] == pytest.approx(CELLS.weights[: 5 - left].sum())
@@ -55,24 +55,24 @@ def test_thresholds_finer_than_the_samples_and_lost_in_noise_are_taken_as_free(
 
 def test_what_the_width_of_a_loop_shows_stays_pinned() -> None:
     """With samples 30 A/m apart the cell of 4 A/m is lost in this noise, that of 12 A/m is not."""
-    found = cell_weights(resolved(model(), loops(30.0, noise=0.05)))
+    found = cell_weights(free_unresolved_cells(model(), loops(30.0, noise=0.05)))
     assert found.thresholds.tolist() == [0.0, 12.0, 60.0]
     exact = loops(30.0)
-    assert resolved(model(), exact).cells is CELLS
+    assert free_unresolved_cells(model(), exact).cells is CELLS
 
 
 def test_where_all_is_resolved_the_model_is_the_very_same() -> None:
     own = model()
-    assert resolved(own, loops(2.0)) is own
+    assert free_unresolved_cells(own, loops(2.0)) is own
 
 
 def test_something_pinned_always_stays() -> None:
     """With steps wider than every cell nothing is known of any; then the fit is left alone."""
     own = model()
-    assert resolved(own, loops(150.0)) is own
+    assert free_unresolved_cells(own, loops(150.0)) is own
 
 
 def test_a_law_without_cells_is_left_alone() -> None:
     iron = {"M_s": 4e5, "a": 30.0, "k": 20.0, "c": 0.2, "c_H": 1.0, "c_out": 1.0}
     own = Model("core", QUANTITIES["field"], QUANTITIES["flux_density"], iron)
-    assert resolved(own, loops(2.0)) is own
+    assert free_unresolved_cells(own, loops(2.0)) is own

@@ -11,13 +11,13 @@ from anhyst.data import Loop, Loops
 from anhyst.data.path import History
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.identification.bare import form_of, model_of
 from anhyst.identification.cell_kernel import CellKernel
-from anhyst.identification.default import FoundModel
-from anhyst.identification.fit_records import Past, records_of
+from anhyst.identification.default_search import FoundModel
+from anhyst.identification.fit_records import InputHistory, make_fit_records
+from anhyst.identification.model_building import make_model, make_response_form
 from anhyst.identification.objective import Objective
 from anhyst.identification.space import CoordinateSpace
-from anhyst.identification.uncertainty import OFFSETS
+from anhyst.identification.uncertainty import OFFSET_NAMES
 from anhyst.laws.cells import Shape
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
@@ -75,11 +75,11 @@ def error(model: Model, loopset: Loops) -> FloatArray:
 
 def somewhere(loops: Loops, shape: Shape) -> tuple[CoordinateSpace, FloatArray]:
     """Give a space of two populations, and a place in it."""
-    form = replace(form_of(loops.input, loops.output, "effective-field"),
+    form = replace(make_response_form(loops.input, loops.output, "effective-field"),
                    cells=CellKernel(shape, 2))  # fmt: skip
-    space = CoordinateSpace("reluctance", records_of(loops), form)
+    space = CoordinateSpace("reluctance", make_fit_records(loops), form)
     usual = [
-        space.inward(name, space.numbers[name].usual or space.unit(name))
+        space.to_coordinate(name, space.fit_parameters[name].prior_mean or space.unit(name))
         for name, _ in space.entries
     ]
     # No two pinnings alike: the least one sets the thresholds.
@@ -91,7 +91,7 @@ def test_derivatives_are_those_of_the_deviations_without_a_drift(shape: Shape) -
     loops = one_after_another(loops_of(cells_magnet(), samples=40), drift=0.01)
     space, theta = somewhere(loops, shape)
     objective = Objective(space)
-    values, gradient, matrix = objective.normal(theta)
+    values, gradient, matrix = objective.normal_equations(theta)
     assert np.abs(values - objective.deviations(theta)).max() < 1e-10
     step = 1e-5 * np.eye(theta.size)
     numeric = np.stack(
@@ -115,7 +115,9 @@ def test_a_long_record_in_pieces_is_the_record(history: str) -> None:
     assert len(pieces) > 10 * len(whole.loops)
     cut = replace(space, records=replace(whole, loops=pieces))
     for one, other in zip(
-        Objective(space).normal(theta), Objective(cut).normal(theta), strict=True
+        Objective(space).normal_equations(theta),
+        Objective(cut).normal_equations(theta),
+        strict=True,
     ):
         assert np.abs(one - other).max() < 1e-9 * np.abs(one).max()
 
@@ -138,10 +140,12 @@ def test_what_was_run_at_another_gap_counts_in_a_fit_as_in_a_prediction(law: str
         (CellKernel("tanh", 2), "settled") if law == "play-cells" else (None, "conditioned")
     )
     space, _ = somewhere(loops, "tanh")
-    space = replace(space, form=replace(space.form, law=law, cells=cells), held=OFFSETS)
+    space = replace(space, form=replace(space.form, law=law, cells=cells), fixed=OFFSET_NAMES)
     theta = np.array(
         [
-            space.inward(name, space.numbers[name].usual or 0.5 * space.unit(name))
+            space.to_coordinate(
+                name, space.fit_parameters[name].prior_mean or 0.5 * space.unit(name)
+            )
             + 0.3 * (gap or 0)
             for name, gap in space.entries
         ]
@@ -150,16 +154,16 @@ def test_what_was_run_at_another_gap_counts_in_a_fit_as_in_a_prediction(law: str
     outputs = []
     for past in ("0,0.8@0.0003;0.3", "0,0.8,0.3"):
         known = loops.with_loops(drives).with_history(f"{kind}:{past}")
-        found = FoundModel(replace(space, records=records_of(known)), theta, 1.0, 0)
-        fitted = Objective(found.space).outputs(found.sets)
-        expected = predicted(model_of(found, known), known)
+        found = FoundModel(replace(space, records=make_fit_records(known)), theta, 1.0, 0)
+        fitted = Objective(found.space).outputs(found.parameter_sets)
+        expected = predicted(make_model(found, known), known)
         np.testing.assert_allclose(fitted, expected, rtol=0, atol=1e-9 * np.ptp(expected))
         outputs.append(fitted)
     assert np.abs(outputs[0] - outputs[1]).max() > 1e-3 * np.ptp(outputs[1])
 
 
 def test_a_past_at_a_gap_that_is_left_out_lies_between_its_neighbours() -> None:
-    past = Past(np.array([0.0, 2.0, 1.0]), np.array([0.0, 1.0, 2.0])).among([0, 2, 3])
+    past = InputHistory(np.array([0.0, 2.0, 1.0]), np.array([0.0, 1.0, 2.0])).renumbered([0, 2, 3])
     assert past.gap_position.tolist() == [0.0, 0.5, 1.0]
 
 

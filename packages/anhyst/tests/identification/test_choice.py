@@ -12,16 +12,16 @@ import pytest
 
 from anhyst.data import Loop, Loops
 from anhyst.data.reading import read_loops
-from anhyst.identification import IdentifyResult, candidates, cell_search, choice, identify
-from anhyst.identification.bare import form_of, model_of
-from anhyst.identification.candidates import Contest, Fits, ModelCandidate, titles
+from anhyst.identification import IdentifyResult, candidates, cell_search, identify, model_selection
+from anhyst.identification.candidates import Comparison, Fits, ModelCandidate, make_titles
 from anhyst.identification.cell_kernel import CellKernel
-from anhyst.identification.cross_validation import LeftOut, Miss, Refit
-from anhyst.identification.default import FoundModel, search_each_gap, search_one_gap
-from anhyst.identification.fit_records import records_of
+from anhyst.identification.cross_validation import Refit, WithheldError, WithheldKind
+from anhyst.identification.default_search import FoundModel, search_each_gap, search_one_gap
+from anhyst.identification.fit_records import make_fit_records
+from anhyst.identification.model_building import make_model, make_response_form
 from anhyst.identification.objective import Objective
 from anhyst.identification.run import SearchRun
-from anhyst.identification.uncertainty import OFFSETS
+from anhyst.identification.uncertainty import OFFSET_NAMES
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
 from anhyst.model.schema import FitFigures
@@ -198,16 +198,16 @@ def test_a_map_that_bends_between_the_gaps_is_not_taken(
     loops = loops_of(magnet("reluctance", output), noise=0.1 * NOISE, samples=60)
 
     def bent(found: FoundModel, loopset: Loops) -> Model:
-        model = model_of(found, loopset)
+        model = make_model(found, loopset)
         if found.space.gap_map != "leakage":
             return model
         rho = np.asarray(model.parameters["rho"]) * np.where(np.isin(model.nodes, GAPS), 1.0, 1.03)
         return replace(model, parameters={**model.parameters, "rho": tuple(rho.tolist())})
 
-    monkeypatch.setattr(choice, "model_of", bent)
-    monkeypatch.setattr(candidates, "better", lambda *_: True)  # luck at the gaps left out
+    monkeypatch.setattr(model_selection, "make_model", bent)
+    monkeypatch.setattr(candidates, "is_better", lambda *_: True)  # luck at the gaps left out
     assert identify(loops, law="effective-field").model.gap_map != "circuit"
-    monkeypatch.setattr(choice, "model_of", model_of)
+    monkeypatch.setattr(model_selection, "make_model", make_model)
     assert identify(loops, law="effective-field").model.gap_map == "circuit"
 
 
@@ -265,12 +265,12 @@ def test_ties_make_what_the_loops_leave_open_run_smoothly() -> None:
         output = truth.predict(cycle, gap, history="settled").output
         loops.append(Loop("half", cycle, output, np.full(cycle.size, gap)))
     measured = noisy(Loops(tuple(loops), truth.input, truth.output, truth.schedule), 1e-2, 1)
-    form = form_of(measured.input, measured.output, "effective-field")
-    records = records_of(measured)
+    form = make_response_form(measured.input, measured.output, "effective-field")
+    records = make_fit_records(measured)
     tied = search_each_gap(form, records, 1, frozenset())
     space = tied.space
-    alone = [search_one_gap(form, records.at(gap), 1, frozenset()) for gap in range(len(GAPS))]
-    loose = space.pack([one.sets[0] for one in alone])
+    alone = [search_one_gap(form, records.at_gap(gap), 1, frozenset()) for gap in range(len(GAPS))]
+    loose = space.pack([one.parameter_sets[0] for one in alone])
     for name in ("kappa", "c", "omega", "gain"):
         at = [place for place, (one, _) in enumerate(space.entries) if one == name]
         assert roughness(tied.theta[at]) < 0.7 * roughness(loose[at])
@@ -317,16 +317,16 @@ def bent_loops() -> Loops:
 def test_identify_drops_a_candidate_that_fails_and_names_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    fit = cell_search.CellSearch._fit
+    fit = cell_search.CellSearch._fit_candidate
 
     def break_one(
-        search: cell_search.CellSearch, levels: cell_search._Levels, *others: Any
+        search: cell_search.CellSearch, levels: cell_search._SampleLevels, *others: Any
     ) -> list[FoundModel]:
         if levels.kernel.shape == "tanh":
             raise NoResponseError("the magnetisation may jump")
         return fit(search, levels, *others)
 
-    monkeypatch.setattr(cell_search.CellSearch, "_fit", break_one)
+    monkeypatch.setattr(cell_search.CellSearch, "_fit_candidate", break_one)
     candidates = fit_of(identify(bent_loops())).candidates
     (failed,) = (one for one in candidates if one.note.startswith("dropped"))
     assert failed.law == "play-cells, 1 population"
@@ -337,7 +337,7 @@ def test_identify_drops_a_candidate_that_fails_and_names_it(
 def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    finish, tried = choice._finished, list[FoundModel]()
+    finish, tried = model_selection._finish, list[FoundModel]()
 
     def fail_once(run: SearchRun, loops: Loops, found: FoundModel) -> tuple[FoundModel, str]:
         tried.append(found)
@@ -345,7 +345,7 @@ def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
             raise np.linalg.LinAlgError("singular matrix")
         return finish(run, loops, found)
 
-    monkeypatch.setattr(choice, "_finished", fail_once)
+    monkeypatch.setattr(model_selection, "_finish", fail_once)
     loops = bent_loops()
     candidates = fit_of(identify(loops)).candidates
     assert [one.note for one in candidates].count("chosen") == 1
@@ -360,18 +360,18 @@ def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
     def fail(*_: object) -> None:
         raise InputError("no answer", code="sample-refused")
 
-    monkeypatch.setattr(choice, "_finished", fail)
+    monkeypatch.setattr(model_selection, "_finish", fail)
     with refused("sample-refused"):  # every candidate failed
         identify(loops)
 
 
-def contest_of(by: LeftOut, *fits: tuple[float, tuple[float, ...]]) -> Contest:
+def contest_of(by: WithheldKind, *fits: tuple[float, tuple[float, ...]]) -> Comparison:
     """Make a contest of candidates, each with its rms and its errors at withheld places."""
     entrants = [ModelCandidate("none", frozenset(), rank=rank) for rank in range(len(fits))]
     places = range(len(fits[0][1]))
     refits = {
         frozenset({place}): {
-            entrant: Refit(rms**2, {place: Miss(errors[place], (errors[place] ** 2,))})
+            entrant: Refit(rms**2, {place: WithheldError(errors[place], (errors[place] ** 2,))})
             for entrant, (rms, errors) in zip(entrants, fits, strict=True)
         }
         for place in places
@@ -380,7 +380,7 @@ def contest_of(by: LeftOut, *fits: tuple[float, tuple[float, ...]]) -> Contest:
     for entrant, (rms, _) in zip(entrants, fits, strict=True):
         fit: Any = SimpleNamespace(cost=rms**2)
         found[entrant] = Fits(fit, fit)
-    return Contest(entrants, found, refits, places, by)
+    return Comparison(entrants, found, refits, places, by)
 
 
 @pytest.mark.parametrize(
@@ -394,23 +394,26 @@ def contest_of(by: LeftOut, *fits: tuple[float, tuple[float, ...]]) -> Contest:
     ],
 )
 def test_winner_fits_no_several_times_worse_than_one_that_predicts_as_well(
-    by: LeftOut, fits: list[tuple[float, tuple[float, ...]]], chosen: int
+    by: WithheldKind, fits: list[tuple[float, tuple[float, ...]]], chosen: int
 ) -> None:
     contest = contest_of(by, *fits)
-    assert contest.winner() == contest.entrants[chosen]
+    assert contest.select_best() == contest.eligible[chosen]
     contest.noise = fits[chosen][0] ** 2  # the fit of the one chosen is all noise
-    assert contest.winner() == contest.entrants[chosen]
+    assert contest.select_best() == contest.eligible[chosen]
 
 
 def test_no_two_candidates_carry_the_same_name() -> None:
-    free = [ModelCandidate("free", held) for held in (frozenset(), OFFSETS, OFFSETS | {"omega"})]
+    free = [
+        ModelCandidate("free", held)
+        for held in (frozenset(), OFFSET_NAMES, OFFSET_NAMES | {"omega"})
+    ]
     maps = [
         ModelCandidate("leakage", frozenset()),
-        ModelCandidate("circuit", frozenset(), OFFSETS),
+        ModelCandidate("circuit", frozenset(), OFFSET_NAMES),
         ModelCandidate("circuit", frozenset()),
     ]
     every = [*free, *maps, *(replace(one, cells=CellKernel("tanh", 1)) for one in maps)]
-    names = zip(titles(every, "effective-field"), (one.gap_map for one in every), strict=True)
+    names = zip(make_titles(every, "effective-field"), (one.gap_map for one in every), strict=True)
     written = [(name, "circuit" if gap_map == "leakage" else gap_map) for name, gap_map in names]
     assert len(set(written)) == len(every)
 

@@ -55,7 +55,7 @@ def test_the_iron_is_the_same_at_every_gap_so_that_the_gap_may_move() -> None:
     model = found("circuit").model
     assert set(model.varying) == {"rho", "c_out", "in_0", "out_0"}
     assert not set(model.varying) & {spec.name for spec in PARAMETERS}
-    assert not model.fixed_gap_only
+    assert not model.needs_fixed_gap
     assert min(np.atleast_1d(model.parameters["rho"])) >= 0.0
     moving = np.linspace(GAPS[0], GAPS[-1], 50)
     wanted = np.linspace(2.0, 40.0, 50)

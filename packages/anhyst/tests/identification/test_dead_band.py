@@ -11,7 +11,7 @@ import pytest
 from anhyst.data import Loops
 from anhyst.data.clean import ReadOptions
 from anhyst.identification import IdentifyResult, identify
-from anhyst.identification.bare import COST, PARTS
+from anhyst.identification.model_building import DEAD_BAND_RATIOS, MAX_DEVIATION_RATIO
 from tests.identification.truths import core, largest, loops_of, magnet, predicted
 from tests.repository import ROOT
 
@@ -42,9 +42,9 @@ def part_of_pinning(result: IdentifyResult) -> float:
 @pytest.mark.parametrize("name", ["electromagnet", "bearing"])
 def test_a_model_has_a_dead_band_that_costs_no_more_than_it_may(name: str) -> None:
     given, without = (found(name, dead_band=wanted) for wanted in (True, False))
-    assert any(part_of_pinning(given) == pytest.approx(part) for part in PARTS)
+    assert any(part_of_pinning(given) == pytest.approx(part) for part in DEAD_BAND_RATIOS)
     assert without.model.parameters["r_d"] == 0.0
-    assert rms(given) < COST * rms(without)
+    assert rms(given) < MAX_DEVIATION_RATIO * rms(without)
     again = predicted(given.model, given.loops)
     for one, other in zip(again, given.fitted, strict=True):
         assert np.abs(one - other).max() < 1e-8 * largest(given.loops)
@@ -76,10 +76,10 @@ def test_a_dead_band_that_is_there_is_fitted_to_the_end(history: str) -> None:
     plain = magnet(in_0=0.0, out_0=0.0)
     pinning = plain.parameters["k"]
     assert isinstance(pinning, float)
-    truth = replace(plain, parameters={**plain.parameters, "r_d": PARTS[0] * pinning})
+    truth = replace(plain, parameters={**plain.parameters, "r_d": DEAD_BAND_RATIOS[0] * pinning})
     loops = loops_of(truth, history)
     result = identify(loops, law="effective-field", gap_map="reluctance", offsets=False)
-    assert part_of_pinning(result) == pytest.approx(PARTS[0])
+    assert part_of_pinning(result) == pytest.approx(DEAD_BAND_RATIOS[0])
     assert result.model.parameters["k"] == pytest.approx(pinning, rel=1e-4)
     assert rms(result) < 1e-6 * largest(loops)
 
@@ -92,4 +92,4 @@ def test_the_law_of_1986_is_given_one_too() -> None:
         identify(one, law="jiles-atherton-1986", dead_band=wanted) for wanted in (True, False)
     )
     assert part_of_pinning(given) > 0.0
-    assert rms(given) < COST * rms(without)
+    assert rms(given) < MAX_DEVIATION_RATIO * rms(without)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from anhyst.identification.paper_parameters import Variables, run_simplex
 from anhyst.identification.paper_search import EvolutionStrategy, reflected
-from anhyst.identification.paper_seven import Variables, simplex
 from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 
@@ -48,7 +48,7 @@ def test_creeps_in_a_curved_valley_until_a_simplex_finishes(seed: int) -> None:
     for _ in range(60):
         found.tell(rosenbrock(found.ask()))
     assert 1e-2 < found.best_cost < 10.0
-    best, cost = simplex(lambda x: float(rosenbrock(x)), box(5), found.best, 4000)
+    best, cost = run_simplex(lambda x: float(rosenbrock(x)), box(5), found.best, 4000)
     assert cost < 1e-6
     np.testing.assert_allclose(best, 1.0, atol=5e-3)
 
@@ -117,7 +117,7 @@ def test_reflection_folds_as_often_as_it_takes() -> None:
 
 
 def test_a_simplex_begun_at_a_bound_turns_inward() -> None:
-    best, cost = simplex(lambda x: float(sphere(x - 4.0)), box(2), np.array([4.0, -3.0]), 400)
+    best, cost = run_simplex(lambda x: float(sphere(x - 4.0)), box(2), np.array([4.0, -3.0]), 400)
     np.testing.assert_allclose(best, 4.0, atol=1e-3)
     assert cost < 1e-5
 

@@ -7,8 +7,12 @@ import pytest
 
 from anhyst.data import Loops
 from anhyst.data.loops import Loop
-from anhyst.data.path import History, Kind
-from anhyst.identification.uncertainty import FARTHEST, first_rise, is_guessed
+from anhyst.data.path import History, HistoryKind
+from anhyst.identification.uncertainty import (
+    MAX_INITIAL_CURVE_DISTANCE,
+    has_no_initial_curve,
+    initial_curve_distance,
+)
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.support.units import QUANTITIES
@@ -30,7 +34,7 @@ def model(hard: float) -> Model:
     return Model("magnet", *quantities, numbers, law="play-cells", cells=cells)
 
 
-def loops(of: Model, kind: Kind) -> Loops:
+def loops(of: Model, kind: HistoryKind) -> Loops:
     force = of.predict(DRIVE, history=kind).output
     loop = Loop("all", DRIVE, force, history=History(kind))
     return Loops((loop,), QUANTITIES["current"], QUANTITIES["force"])
@@ -38,13 +42,16 @@ def loops(of: Model, kind: Kind) -> Loops:
 
 def test_cells_that_no_loop_switches_back_show_in_the_first_rise_alone() -> None:
     plain, guessed = model(0.0), model(HARD)
-    assert first_rise(plain, loops(plain, "settled")) < 0.5 * FARTHEST
-    assert first_rise(guessed, loops(guessed, "settled")) > 2.0 * FARTHEST
+    assert initial_curve_distance(plain, loops(plain, "settled")) < 0.5 * MAX_INITIAL_CURVE_DISTANCE
+    assert (
+        initial_curve_distance(guessed, loops(guessed, "settled"))
+        > 2.0 * MAX_INITIAL_CURVE_DISTANCE
+    )
 
 
 @pytest.mark.parametrize(("kind", "guessed"), [("settled", True), ("demagnetised", False)])
-def test_a_loop_that_begins_demagnetised_shows_it(kind: Kind, guessed: bool) -> None:
-    assert is_guessed(loops(model(0.0), kind)) is guessed
+def test_a_loop_that_begins_demagnetised_shows_it(kind: HistoryKind, guessed: bool) -> None:
+    assert has_no_initial_curve(loops(model(0.0), kind)) is guessed
 
 
 def test_a_law_of_jiles_and_atherton_that_hardly_moves_fails_like_any_other() -> None:
@@ -52,5 +59,5 @@ def test_a_law_of_jiles_and_atherton_that_hardly_moves_fails_like_any_other() ->
     quantities = QUANTITIES["current"], QUANTITIES["force"]
     numbers = {"M_s": 1e6, "a": 1000.0, "c": 0.5, "alpha": 0.0, "c_H": 4000.0, "c_out": 200.0}
     usual, stuck = (Model("magnet", *quantities, numbers | {"k": k}) for k in (500.0, 5e5))
-    assert first_rise(usual, loops(usual, "settled")) < 0.5 * FARTHEST
-    assert first_rise(stuck, loops(stuck, "settled")) > 2.0 * FARTHEST
+    assert initial_curve_distance(usual, loops(usual, "settled")) < 0.5 * MAX_INITIAL_CURVE_DISTANCE
+    assert initial_curve_distance(stuck, loops(stuck, "settled")) > 2.0 * MAX_INITIAL_CURVE_DISTANCE

@@ -9,14 +9,14 @@ import pytest
 
 from anhyst.data import Loop, Loops
 from anhyst.identification import identify
-from anhyst.identification.bare import form_of
-from anhyst.identification.default import follow
-from anhyst.identification.fit_records import WEIGHTINGS, FitRecords, records_of
+from anhyst.identification.default_search import descend_from
+from anhyst.identification.fit_records import WEIGHTINGS, FitRecords, make_fit_records
+from anhyst.identification.model_building import make_response_form
 from anhyst.identification.objective import Objective
-from anhyst.identification.response import LOCAL, Local
-from anhyst.identification.screening import sample_sets, screen, starts
-from anhyst.identification.space import PER_GAP, CoordinateSpace
-from anhyst.identification.uncertainty import memory
+from anhyst.identification.response import PARAMETER_NAMES, ParameterSet
+from anhyst.identification.screening import sample_sets, screen_sets, screen_starts
+from anhyst.identification.space import GAP_DEPENDENT, CoordinateSpace
+from anhyst.identification.uncertainty import correlation_length
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
 from anhyst.support.errors import NoResponseError
@@ -46,8 +46,8 @@ CASES: dict[str, tuple[Model, str]] = {
 
 
 def space_of(truth: Model, gap_map: str, loops: Loops, weights: str = "loops") -> CoordinateSpace:
-    form = form_of(loops.input, loops.output, truth.law)
-    return CoordinateSpace(gap_map, records_of(loops, weights), form)
+    form = make_response_form(loops.input, loops.output, truth.law)
+    return CoordinateSpace(gap_map, make_fit_records(loops, weights), form)
 
 
 def near(space: CoordinateSpace, truth: Model, seed: int) -> FloatArray:
@@ -80,9 +80,9 @@ def test_analytic_derivatives_are_those_of_the_deviations(
     truth, gap_map = CASES[name]
     plain = space_of(truth, gap_map, loops_of(truth, history, samples=40))
     space = with_dead_band(plain, dead_band)
-    objective = Objective(space, tie=1e-3)
+    objective = Objective(space, smoothness=1e-3)
     theta = near(space, truth, seed=1)
-    values, gradient, matrix = objective.normal(theta)
+    values, gradient, matrix = objective.normal_equations(theta)
     assert np.abs(values - objective.deviations(theta)).max() < 1e-8
     numeric = central_differences(objective, theta)
     columns = np.linalg.norm(numeric, axis=0)
@@ -102,9 +102,9 @@ def test_settled_cycles_close_alike_with_and_without_derivatives(
         theta = near(space, truth, seed)
         fresh, warm = Objective(space), Objective(space)
         for other in range(3):  # begin where other parameters have ended
-            warm.normal(near(space, truth, 100 * seed + other))
+            warm.normal_equations(near(space, truth, 100 * seed + other))
         expected = fresh.deviations(theta)
-        assert np.abs(warm.normal(theta)[0] - expected).max() < 1e-8
+        assert np.abs(warm.normal_equations(theta)[0] - expected).max() < 1e-8
         assert np.abs(warm.deviations(theta) - expected).max() < 1e-8
 
 
@@ -122,11 +122,11 @@ def test_the_law_of_1986_is_differentiated_numerically() -> None:
     objective = Objective(space)
     theta = near(space, truth, seed=2)
     expected = central_differences(objective, theta, 3e-6)
-    found = objective.differences(theta)
+    found = objective.numerical_jacobian(theta)
     assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
     at_bound = theta.copy()
     at_bound[1] = space.bounds[0][1]
-    assert np.isfinite(objective.differences(at_bound)).all()
+    assert np.isfinite(objective.numerical_jacobian(at_bound)).all()
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -136,7 +136,7 @@ def test_coordinates_and_parameters_are_one_to_one(name: str) -> None:
     sets = gauge_free(truth)
     found = [local for local, _ in space.unpack(space.pack(sets))]
     for one, other in zip(found, sets, strict=True):
-        for parameter in LOCAL:
+        for parameter in PARAMETER_NAMES:
             expected = getattr(other, parameter)
             assert getattr(one, parameter) == pytest.approx(expected, rel=1e-12, abs=1e-15)
 
@@ -145,11 +145,11 @@ def test_coordinates_and_parameters_are_one_to_one(name: str) -> None:
 def test_each_map_shares_what_it_says(gap_map: GapMap) -> None:
     truth = magnet("reluctance" if gap_map != "none" else "none")
     space = space_of(truth, gap_map, loops_of(truth, samples=20))
-    for name in LOCAL:
+    for name in PARAMETER_NAMES:
         count = len([one for one, _ in space.entries if one == name])
-        assert count == (len(GAPS) if gap_map == "free" or name in PER_GAP[gap_map] else 1)
+        assert count == (len(GAPS) if gap_map == "free" or name in GAP_DEPENDENT[gap_map] else 1)
     assert len(set(space.names)) == space.size
-    held = replace(space, held=frozenset({"in_0", "out_0"}))
+    held = replace(space, fixed=frozenset({"in_0", "out_0"}))
     assert held.size == space.size - (2 if gap_map != "free" else 8)
     assert all(local.in_0 == local.out_0 == 0.0 for local, _ in held.unpack(np.zeros(held.size)))
 
@@ -192,7 +192,7 @@ def test_weights_do_what_they_say(weights: str) -> None:
     assert float(np.sum(objective.deviations(theta) ** 2)) == pytest.approx(expected, rel=1e-9)
 
 
-def sets_at(space: CoordinateSpace, theta: FloatArray) -> list[Local]:
+def sets_at(space: CoordinateSpace, theta: FloatArray) -> list[ParameterSet]:
     return [local for local, _ in space.unpack(theta)]
 
 
@@ -216,8 +216,8 @@ def test_a_silent_loop_cannot_be_weighed_by_itself() -> None:
     loops = pair(1.0)
     silent = loops.with_loops([loops.loops[0], replace(loops.loops[1], output=np.zeros(599))])
     with refused("no-output"):
-        records_of(silent, "relative")
-    assert len(records_of(silent).loops) == 2
+        make_fit_records(silent, "relative")
+    assert len(make_fit_records(silent).loops) == 2
 
 
 def test_thinning_keeps_the_fit() -> None:
@@ -233,14 +233,14 @@ def test_thinning_keeps_the_fit() -> None:
             whole.weight**2 * whole.input.size
         )
     begin = near(space, truth, seed=4)
-    ends = [follow(s, begin) for s in (space, replace(space, records=thin))]
+    ends = [descend_from(s, begin) for s in (space, replace(space, records=thin))]
     assert ends[0].cost == pytest.approx(ends[1].cost, rel=0.2)
     costs = [float(np.sum(Objective(space).deviations(end.theta) ** 2)) for end in ends]
     assert costs[1] < 1.01 * costs[0]
 
 
 def test_loops_are_never_thicker_after_thinning() -> None:
-    records = records_of(loops_of(core(), samples=50))
+    records = make_fit_records(loops_of(core(), samples=50))
     assert all(
         np.array_equal(one.input, other.input)
         for one, other in zip(records.thinned(400).loops, records.loops, strict=True)
@@ -256,7 +256,7 @@ def test_parameters_without_an_answer_cost_more_than_any_fit() -> None:
     with pytest.raises(NoResponseError):
         objective.outputs([jumping])
     impossible = objective.deviations(space.pack([jumping]))
-    assert np.array_equal(impossible, objective.impossible)
+    assert np.array_equal(impossible, objective.no_answer_deviations)
     assert float(impossible @ impossible) == pytest.approx(100.0)
 
 
@@ -264,28 +264,28 @@ def test_ties_count_differences_from_gap_to_gap() -> None:
     truth = magnet("scaling")
     space = space_of(truth, "free", loops_of(truth, samples=20))
     theta = space.pack(gauge_free(truth))
-    objective = Objective(space, tie=0.25)
+    objective = Objective(space, smoothness=0.25)
     ties = objective.deviations(theta)[objective.measured.size :]
     scales = [theta[place] for place, (name, _) in enumerate(space.entries) if name == "scale"]
     assert float(ties @ ties) == pytest.approx(0.25 * float(np.sum(np.diff(scales) ** 2)))
 
 
 def one_gap(records: FitRecords) -> FitRecords:
-    return records.at(0)
+    return records.at_gap(0)
 
 
 @pytest.mark.parametrize("biased", [False, True])
 def test_the_screening_ranks_as_the_objective_does(biased: bool) -> None:
     truth = magnet("reluctance", gaps=TWO)
     loops = loops_of(truth, "demagnetised")
-    form = form_of(loops.input, loops.output, truth.law)
-    space = CoordinateSpace("none", one_gap(records_of(loops)), form)
-    sets = sample_sets(space.records, 64, seed=5, biased=biased)
-    cost, gain, out_0 = screen(form, space.records, sets)
+    form = make_response_form(loops.input, loops.output, truth.law)
+    space = CoordinateSpace("none", one_gap(make_fit_records(loops)), form)
+    sets = sample_sets(space.records, 64, seed=5, is_biased=biased)
+    cost, gain, out_0 = screen_sets(form, space.records, sets)
     objective = Objective(space)
     exact = []
     for kappa, c, omega, scale, in_0, size, lift in np.vstack([sets, gain, out_0]).T:
-        local = form.local([kappa, c, omega, scale, size, in_0, lift])
+        local = form.make_set([kappa, c, omega, scale, size, in_0, lift])
         off = (objective.outputs([local]) - objective.measured) * objective.weights
         exact.append(float(off @ off))
     usable = np.isfinite(cost)
@@ -300,7 +300,7 @@ def test_the_screening_ranks_as_the_objective_does(biased: bool) -> None:
 def test_starts_differ_and_come_from_the_seed() -> None:
     truth = core()
     space = space_of(truth, "none", loops_of(truth))
-    first, again, other = (starts(space, 256, 3, seed) for seed in (1, 1, 2))
+    first, again, other = (screen_starts(space, 256, 3, seed) for seed in (1, 1, 2))
     assert first == again
     assert first != other
     assert len({local.kappa for local in first}) == 3
@@ -309,7 +309,7 @@ def test_starts_differ_and_come_from_the_seed() -> None:
 def test_memory_counts_the_samples_that_go_together() -> None:
     rng = np.random.default_rng(0)
     white = rng.standard_normal(4000)
-    assert memory(white) == pytest.approx(1.0, abs=0.3)
+    assert correlation_length(white) == pytest.approx(1.0, abs=0.3)
     smooth = np.convolve(white, np.full(20, 0.05), mode="same")
-    assert memory(smooth) == pytest.approx(20.0, rel=0.3)
-    assert memory(np.ones(50)) == 1.0
+    assert correlation_length(smooth) == pytest.approx(20.0, rel=0.3)
+    assert correlation_length(np.ones(50)) == 1.0

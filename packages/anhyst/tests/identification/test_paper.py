@@ -11,29 +11,29 @@ import pytest
 
 from anhyst.data import Loops
 from anhyst.identification import IdentifyResult, identify, paper_sequence
-from anhyst.identification.bare import form_of
-from anhyst.identification.fit_records import FitRecords, records_of
+from anhyst.identification.fit_records import FitRecords, make_fit_records
+from anhyst.identification.model_building import make_response_form
+from anhyst.identification.paper_parameters import (
+    COMMON_AIR_CORE_SLOPE,
+    NO_ANSWER_COST,
+    SEVEN_NAMES,
+    Criterion,
+    Values,
+    make_parameter_set,
+    make_variables,
+    mean_deviation,
+    mean_over_gaps,
+    move_to_one_gauge,
+    to_gauge_free,
+)
 from anhyst.identification.paper_search import (
-    SearchBench,
+    PaperSearch,
     SearchEffort,
-    Stand,
+    SearchState,
     search_each_gap,
     spline_model_at,
 )
 from anhyst.identification.paper_sequence import reductions, search_paper
-from anhyst.identification.paper_seven import (
-    AIR_SLOPE,
-    IMPOSSIBLE,
-    SEVEN,
-    Criterion,
-    Values,
-    gauge_free,
-    in_one_gauge,
-    local_of,
-    mean_deviation,
-    mean_over_gaps,
-    variables_of,
-)
 from anhyst.identification.run import Outcome, SearchRun
 from anhyst.model.actuator import Model
 from tests.identification.truths import GAPS, core, loops_of, magnet
@@ -62,8 +62,8 @@ SET: Values = {
 
 
 def run_of(loops: Loops, held: frozenset[str] = NO_OFFSETS, **settings: object) -> SearchRun:
-    form = form_of(loops.input, loops.output, "effective-field")
-    return SearchRun(form=form, records=records_of(loops), seed=1, held=held, **settings)  # type: ignore[arg-type]
+    form = make_response_form(loops.input, loops.output, "effective-field")
+    return SearchRun(form=form, records=make_fit_records(loops), seed=1, fixed=held, **settings)  # type: ignore[arg-type]
 
 
 def stopper(after: int) -> Callable[[int, int], None]:
@@ -88,15 +88,15 @@ def loops(truth: Model) -> Loops:
 
 
 @pytest.fixture(scope="module")
-def free(loops: Loops) -> Stand:
+def free(loops: Loops) -> SearchState:
     return search_each_gap(
-        SearchBench(run_of(loops), loops, SearchEffort(generations=100, final=150))
+        PaperSearch(run_of(loops), loops, SearchEffort(generations=100, final=150))
     )
 
 
 @pytest.fixture(scope="module")
-def reduced(loops: Loops, free: Stand) -> list[Stand]:
-    bench = SearchBench(run_of(loops), loops, SearchEffort(generations=50, final=120, trial=30))
+def reduced(loops: Loops, free: SearchState) -> list[SearchState]:
+    bench = PaperSearch(run_of(loops), loops, SearchEffort(generations=50, final=120, trial=30))
     return [free, *(stand for stand, _ in reductions(bench, free))]
 
 
@@ -114,38 +114,40 @@ def two_gaps() -> Loops:
 
 @pytest.fixture
 def records(loops: Loops) -> FitRecords:
-    return records_of(loops)
+    return make_fit_records(loops)
 
 
-def test_free_sets_reproduce_the_loops_of_every_gap(free: Stand) -> None:
+def test_free_sets_reproduce_the_loops_of_every_gap(free: SearchState) -> None:
     assert free.cost < 1e-3
-    assert free.varying == SEVEN
+    assert free.varying == SEVEN_NAMES
 
 
-def test_free_sets_scatter_along_the_redundancy(free: Stand) -> None:
+def test_free_sets_scatter_along_the_redundancy(free: SearchState) -> None:
     """What Fig. 1 shows: the same iron at every gap, yet k is found anywhere."""
     k = [one["k"] for one in free.sets]
     assert max(k) > 1.5 * min(k)
 
 
-def test_where_only_c_h_varies_freezing_the_others_costs_nothing(reduced: list[Stand]) -> None:
+def test_where_only_c_h_varies_freezing_the_others_costs_nothing(
+    reduced: list[SearchState],
+) -> None:
     assert max(stand.cost for stand in reduced[1:]) < 1e-5
 
 
-def test_where_only_c_h_varies_it_is_the_last_one_left(reduced: list[Stand]) -> None:
+def test_where_only_c_h_varies_it_is_the_last_one_left(reduced: list[SearchState]) -> None:
     assert [len(stand.varying) for stand in reduced] == [7, 6, 5, 4, 3, 2, 1]
     assert reduced[-1].varying == ("c_H",)
 
 
-def test_c_h_is_found_up_to_one_common_factor(truth: Model, reduced: list[Stand]) -> None:
+def test_c_h_is_found_up_to_one_common_factor(truth: Model, reduced: list[SearchState]) -> None:
     found = np.array([one["c_H"] for one in reduced[-1].sets])
-    ratio = found / truth.over_schedule("c_H", THREE)
+    ratio = found / truth.interpolate_parameter("c_H", THREE)
     np.testing.assert_allclose(ratio / ratio[0], 1.0, rtol=1e-4)
 
 
-def test_what_is_frozen_is_the_same_at_every_gap(reduced: list[Stand]) -> None:
+def test_what_is_frozen_is_the_same_at_every_gap(reduced: list[SearchState]) -> None:
     for stand in reduced[1:]:
-        for name in set(SEVEN) - set(stand.varying):
+        for name in set(SEVEN_NAMES) - set(stand.varying):
             assert len({one[name] for one in stand.sets}) == 1
 
 
@@ -157,8 +159,8 @@ def test_a_parameter_can_be_kept_to_the_last(two_gaps: Loops) -> None:
 
 
 def test_alpha_is_read_as_a_reluctance_in_the_law_that_allows_it(two_gaps: Loops) -> None:
-    form = form_of(two_gaps.input, two_gaps.output, "jiles-atherton-1986")
-    run = SearchRun(form=form, records=records_of(two_gaps), seed=1, held=NO_OFFSETS)
+    form = make_response_form(two_gaps.input, two_gaps.output, "jiles-atherton-1986")
+    run = SearchRun(form=form, records=make_fit_records(two_gaps), seed=1, fixed=NO_OFFSETS)
     found = search_paper(run, two_gaps, "reluctance", SearchEffort(20, 20, 5))
     assert found.model.law == "jiles-atherton-1986"
     assert found.model.gap_map == "free"
@@ -173,7 +175,7 @@ def test_one_call_gives_model_steps_and_free_sets(quick: IdentifyResult) -> None
         assert len(step.candidates) == left
         assert step.frozen in step.candidates
     assert quick.per_gap is not None
-    assert set(quick.per_gap.varying) == set(SEVEN)
+    assert set(quick.per_gap.varying) == set(SEVEN_NAMES)
     assert quick.per_gap.gap_map == "free"
     assert quick.splines is not None
     assert model.fit is not None
@@ -183,7 +185,7 @@ def test_one_call_gives_model_steps_and_free_sets(quick: IdentifyResult) -> None
 
 def test_cost_of_the_last_step_is_that_of_the_model(quick: IdentifyResult, two_gaps: Loops) -> None:
     outputs = np.concatenate(quick.fitted)
-    reported = mean_deviation(records_of(two_gaps), outputs)
+    reported = mean_deviation(make_fit_records(two_gaps), outputs)
     assert reported == pytest.approx(quick.model.reduction[-1].cost_after, rel=0.02)
 
 
@@ -208,7 +210,7 @@ def test_a_killed_run_goes_on_to_the_same_result(
         search_paper(run_of(two_gaps, checkpoint=kept, progress=killed), two_gaps, "auto", LEAST)
     again = run_of(two_gaps, checkpoint=kept)
     found = search_paper(again, two_gaps, "auto", LEAST)
-    assert again.resumed == stage
+    assert again.resumed_stages == stage
     assert found.model.parameters == whole.model.parameters
     assert found.steps == whole.steps
 
@@ -217,7 +219,7 @@ def test_same_seed_gives_the_same_model_and_another_seed_another(two_gaps: Loops
     def found(seed: int) -> tuple[Values, ...]:
         run = run_of(two_gaps)
         run.seed = seed
-        return search_each_gap(SearchBench(run, two_gaps, LEAST)).sets
+        return search_each_gap(PaperSearch(run, two_gaps, LEAST)).sets
 
     assert found(1) == found(1)
     assert found(1) != found(2)
@@ -235,7 +237,7 @@ def test_progress_ends_at_the_total_it_promised(two_gaps: Loops) -> None:
 def test_ctrl_c_leaves_what_was_reached(stage: int, frozen: int, two_gaps: Loops) -> None:
     run = run_of(two_gaps, progress=stopper(stage))
     found = search_paper(run, two_gaps, "auto", LEAST)
-    assert found.interrupted
+    assert found.is_interrupted
     assert len(found.steps) == frozen
     assert found.model.gap_map == "free"
     assert len(found.model.varying) == 7 - frozen
@@ -249,7 +251,7 @@ def test_ctrl_c_before_every_gap_has_a_set_leaves_nothing(two_gaps: Loops) -> No
 
 def test_offsets_become_common_to_all_gaps(two_gaps: Loops) -> None:
     run = run_of(two_gaps, held=frozenset())
-    found = search_each_gap(SearchBench(run, two_gaps, LEAST))
+    found = search_each_gap(PaperSearch(run, two_gaps, LEAST))
     for name in ("in_0", "out_0"):
         assert found.sets[0][name] == found.sets[1][name] != 0.0
 
@@ -258,7 +260,7 @@ def test_without_reduction_everything_stays_free(two_gaps: Loops) -> None:
     found = search_paper(run_of(two_gaps), two_gaps, "free", LEAST)
     assert found.steps == ()
     assert found.model.gap_map == "free"
-    assert set(found.model.varying) == set(SEVEN)
+    assert set(found.model.varying) == set(SEVEN_NAMES)
 
 
 def test_one_gap_gives_a_model_of_that_gap() -> None:
@@ -276,7 +278,7 @@ def test_a_measured_field_and_flux_density_leave_five() -> None:
     modelled = [
         found.model.predict(loop.input, history=loop.history).output for loop in loops.loops
     ]
-    assert mean_deviation(records_of(loops), np.concatenate(modelled)) < 2e-3
+    assert mean_deviation(make_fit_records(loops), np.concatenate(modelled)) < 2e-3
 
 
 def test_refuses_to_keep_what_is_known(two_gaps: Loops) -> None:
@@ -316,18 +318,18 @@ def test_the_acceptance_test_reports_which_gaps_fail_with_splines(quick: Identif
 
 def test_one_gauge_leaves_the_law_as_it_was() -> None:
     other = SET | {"M_s": 9e5, "a": 2e3, "k": 1e3, "c_H": 3e4, "c_out": 90.0}
-    moved = in_one_gauge([SET, other], SEVEN, power=2)
+    moved = move_to_one_gauge([SET, other], SEVEN_NAMES, power=2)
     assert len({one["M_s"] for one in moved}) == 1
     for before, after in zip([SET, other], moved, strict=True):
-        assert after["a"] == pytest.approx(AIR_SLOPE * after["M_s"])
-        old, new = local_of(before, 2), local_of(after, 2)
+        assert after["a"] == pytest.approx(COMMON_AIR_CORE_SLOPE * after["M_s"])
+        old, new = make_parameter_set(before, 2), make_parameter_set(after, 2)
         for name in ("kappa", "c", "omega", "scale", "gain", "in_0", "out_0"):
             assert getattr(new, name) == pytest.approx(getattr(old, name), rel=1e-12)
 
 
 def test_one_gauge_leaves_alone_what_measurements_fix() -> None:
     plain = SET | {"c_H": 1.0, "c_out": 1.0}
-    moved = in_one_gauge([plain], ("M_s", "a", "alpha", "k", "c"), power=1)[0]
+    moved = move_to_one_gauge([plain], ("M_s", "a", "alpha", "k", "c"), power=1)[0]
     for name, value in plain.items():
         assert moved[name] == pytest.approx(value, rel=1e-12)
 
@@ -338,9 +340,9 @@ def test_scales_are_averaged_geometrically_and_the_rest_plainly() -> None:
 
 
 def test_coordinates_and_parameters_agree(loops: Loops, records: FitRecords) -> None:
-    variables, known = variables_of(records, loops.input, loops.output, frozenset())
+    variables, known = make_variables(records, loops.input, loops.output, frozenset())
     assert known == {}
-    back = variables.outward(variables.inward(SET))
+    back = variables.to_parameters(variables.to_coordinates(SET))
     for name, value in SET.items():
         assert float(back[name]) == pytest.approx(value, rel=1e-12)
     assert variables.only(["c_H", "k"]).names == ("k", "c_H")
@@ -350,11 +352,11 @@ def test_batch_and_exact_law_cost_the_same(loops: Loops, records: FitRecords) ->
     rng = np.random.default_rng(3)
     count = 20
     many = {name: value * (1.0 + 0.1 * rng.random(count)) for name, value in SET.items()}
-    form = form_of(loops.input, loops.output, "effective-field")
-    criterion = Criterion(form, records.at(0))
-    batch = criterion.of_many(many)
+    form = make_response_form(loops.input, loops.output, "effective-field")
+    criterion = Criterion(form, records.at_gap(0))
+    batch = criterion.costs_of_sets(many)
     exact = [
-        criterion.of_one({name: float(many[name][place]) for name in many})
+        criterion.cost_of_set({name: float(many[name][place]) for name in many})
         for place in range(count)
     ]
     np.testing.assert_allclose(batch, exact, atol=5e-3)
@@ -362,11 +364,11 @@ def test_batch_and_exact_law_cost_the_same(loops: Loops, records: FitRecords) ->
 
 
 def test_what_the_law_cannot_do_costs_a_fortune(loops: Loops, records: FitRecords) -> None:
-    form = form_of(loops.input, loops.output, "effective-field")
-    criterion = Criterion(form, records.at(0))
+    form = make_response_form(loops.input, loops.output, "effective-field")
+    criterion = Criterion(form, records.at_gap(0))
     impossible = SET | {"k": 1e-9}
-    assert criterion.of_one(impossible) == IMPOSSIBLE
-    assert criterion.of_many({n: np.array([v]) for n, v in impossible.items()})[0] == np.inf
+    assert criterion.cost_of_set(impossible) == NO_ANSWER_COST
+    assert criterion.costs_of_sets({n: np.array([v]) for n, v in impossible.items()})[0] == np.inf
 
 
 def test_gauge_free_form_has_no_trace_of_the_redundancy() -> None:
@@ -374,7 +376,7 @@ def test_gauge_free_form_has_no_trace_of_the_redundancy() -> None:
     same = SET | {name: q * SET[name] for name in ("M_s", "a", "k", "c_H")}
     same["c_out"] = SET["c_out"] / q**2
     one, other = (
-        gauge_free({name: np.asarray(value) for name, value in values.items()}, 2)
+        to_gauge_free({name: np.asarray(value) for name, value in values.items()}, 2)
         for values in (SET, same)
     )
     for name, value in one.items():

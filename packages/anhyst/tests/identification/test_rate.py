@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from anhyst.data import Loop, Loops
+from anhyst.data.initial_history import propose_histories
 from anhyst.data.path import DEMAGNETISED, SETTLED, History
 from anhyst.data.reading import read_loops
-from anhyst.data.speeds import rate_line, speeds_of, with_spread_times
-from anhyst.data.start import propose_histories
+from anhyst.data.speeds import describe_rate, group_by_speed, spread_equal_times
 from anhyst.identification import identify
 from anhyst.identification.rate import fit_rate
 from anhyst.identification.run import IdentifyResult
@@ -79,11 +79,11 @@ def missed(model: Model, rate: float, gap: float) -> float:
 
 
 def test_loops_are_fast_that_are_faster_in_cycles_and_in_the_input() -> None:
-    speeds = speeds_of(measured())
+    speeds = group_by_speed(measured())
     assert speeds is not None
     assert {loop.label for loop in speeds.slow.loops} == {"0.5 Hz"}
     assert [len(group) for group in speeds.fast] == [2, 2]
-    assert 45.0 < speeds.fastest < 55.0
+    assert 45.0 < speeds.fastest_rate < 55.0
 
 
 def test_smaller_loops_and_loops_without_time_are_not_fast_ones() -> None:
@@ -92,9 +92,9 @@ def test_smaller_loops_and_loops_without_time_are_not_fast_ones() -> None:
     inner = [replace(one, label="inner", input=0.2 * one.input, output=0.04 * one.output)
              for one in slow]  # fmt: skip
     steady = [replace(one, time=0.2 * one.time) for one in inner if one.time is not None]
-    assert speeds_of(loops.with_loops([*slow, *inner])) is None
-    assert speeds_of(loops.with_loops([*slow, *steady])) is None
-    assert speeds_of(loops.with_loops(replace(one, time=None) for one in loops.loops)) is None
+    assert group_by_speed(loops.with_loops([*slow, *inner])) is None
+    assert group_by_speed(loops.with_loops([*slow, *steady])) is None
+    assert group_by_speed(loops.with_loops(replace(one, time=None) for one in loops.loops)) is None
 
 
 CARRIED = History.parse("conditioned:4,0")
@@ -177,25 +177,25 @@ def test_a_clock_of_few_digits_will_do(digits: int) -> None:
         for one in measured().loops
         if one.time is not None
     )
-    loops = with_spread_times(coarse)
+    loops = spread_equal_times(coarse)
     assert loops.repairs
-    assert with_spread_times(loops) is loops
+    assert spread_equal_times(loops) is loops
     for one, true in zip(loops.loops, measured().loops, strict=True):
         assert one.time is not None
         assert true.time is not None
         assert np.diff(one.time).min() > 0.0
         assert np.abs(one.time - true.time).max() < 10.0**-digits
-    speeds = speeds_of(loops)
+    speeds = group_by_speed(loops)
     assert speeds is not None
     end = fit_rate(truth().at_rest, loops, speeds)
     assert missed(end.model, 20.0, 3.9e-4) < 0.02
 
 
 def test_inspecting_tells_from_which_rate_on_solid_iron_answers_late() -> None:
-    assert rate_line(measured()).startswith("rate matters")
-    assert rate_line(measured(gamma=0.0)).startswith("rate does not matter")
+    assert describe_rate(measured()).startswith("rate matters")
+    assert describe_rate(measured(gamma=0.0)).startswith("rate does not matter")
     slow = measured().with_loops(one for one in measured().loops if one.label == "5 Hz")
-    assert rate_line(slow) == ""
+    assert describe_rate(slow) == ""
 
 
 @pytest.mark.slow
@@ -224,7 +224,7 @@ def test_cells_of_each_gap_are_fitted_to_its_slow_loops_by_themselves() -> None:
 
 def test_sheets_measured_at_three_speeds_get_no_layers() -> None:
     loops = measured(gamma=0.0)
-    speeds = speeds_of(loops)
+    speeds = group_by_speed(loops)
     assert speeds is not None
     still = truth(gamma=0.0)
     end = fit_rate(still, loops, speeds)
@@ -235,11 +235,11 @@ def test_sheets_measured_at_three_speeds_get_no_layers() -> None:
 def test_layers_are_found_from_one_fast_speed_by_gaps_left_out() -> None:
     loops = measured()
     some = loops.with_loops(loop for loop in loops.loops if loop.label != "5 Hz")
-    speeds = speeds_of(some)
+    speeds = group_by_speed(some)
     assert speeds is not None
     end = fit_rate(truth().at_rest, some, speeds)
     assert end.model.has_eddy_currents
-    assert 0.0 < end.std < 0.2
+    assert 0.0 < end.log_gamma_std < 0.2
     assert missed(end.model, 20.0, 3.9e-4) < 0.01
 
 
@@ -247,7 +247,7 @@ def test_layers_are_found_from_one_fast_speed_by_gaps_left_out() -> None:
 @pytest.mark.parametrize("rate", [20.0, 100.0])
 def test_the_truth_itself_is_matched_from_its_static_part(rate: float) -> None:
     loops = measured()
-    speeds = speeds_of(loops)
+    speeds = group_by_speed(loops)
     assert speeds is not None
     end = fit_rate(truth().at_rest, loops, speeds)
     assert missed(end.model, rate, 3.9e-4) < 0.02
@@ -260,7 +260,7 @@ def test_a_coupling_that_jumps_alone_becomes_the_reluctance_that_is_the_same_at_
     rho = tuple((1.0 + one) / by - 1.0 for one in (2.7e-3, 4.4e-3))
     coupled: dict[str, Parameter] = {**iron, "alpha": 1.0 - by, "rho": rho, "c_H": 1250.0 / by}
     still = replace(still, parameters={**still.parameters, **coupled})
-    speeds = speeds_of(loops)
+    speeds = group_by_speed(loops)
     assert speeds is not None
     end = fit_rate(still, loops, speeds)
     assert end.model.has_eddy_currents

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 
 from anhyst.data import Loops
 from anhyst.identification import IdentifyResult, identify
-from anhyst.identification.bare import form_of, model_of
-from anhyst.identification.default import (
+from anhyst.identification.default_search import (
     FoundModel,
     join_gaps,
     search_each_gap,
     search_one_gap,
 )
-from anhyst.identification.fit_records import records_of
+from anhyst.identification.fit_records import make_fit_records
+from anhyst.identification.model_building import make_model, make_response_form
 from anhyst.identification.objective import Objective
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
@@ -273,12 +273,17 @@ def test_figures_of_the_fit_are_those_of_the_fitted_loops() -> None:
 
 def fit_alone(loops: Loops, gap_map: GapMap) -> FoundModel:
     """Search under one map, with nothing chosen or left out."""
-    form, records = form_of(loops.input, loops.output, "effective-field"), records_of(loops)
+    form, records = (
+        make_response_form(loops.input, loops.output, "effective-field"),
+        make_fit_records(loops),
+    )
     none: frozenset[str] = frozenset()
     if gap_map == "free":
         return search_each_gap(form, records, 1, none)
-    home = search_one_gap(form, records.at(records.reference_gap), 1, none)
-    return home if gap_map == "none" else join_gaps(form, records, gap_map, home.sets, none)
+    home = search_one_gap(form, records.at_gap(records.reference_gap), 1, none)
+    return (
+        home if gap_map == "none" else join_gaps(form, records, gap_map, home.parameter_sets, none)
+    )
 
 
 @pytest.mark.parametrize("history", HISTORIES)
@@ -288,8 +293,8 @@ def test_the_model_predicts_what_was_fitted(gap_map: GapMap, history: str) -> No
     source: GapMap = "reluctance" if gap_map == "free" else gap_map
     loops = loops_of(magnet(source, gaps=GAPS[:2]), history, noise=NOISE, samples=48)
     found = fit_alone(loops, gap_map)
-    fitted = Objective(found.space).outputs(found.sets)
-    again = np.concatenate(predicted(model_of(found, loops), loops))
+    fitted = Objective(found.space).outputs(found.parameter_sets)
+    again = np.concatenate(predicted(make_model(found, loops), loops))
     assert np.abs(again - fitted).max() < 1e-8 * largest(loops)
 
 

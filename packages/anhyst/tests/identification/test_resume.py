@@ -11,8 +11,8 @@ import pytest
 
 from anhyst.data import Loops
 from anhyst.identification import IdentifyResult, identify
-from anhyst.identification.bare import form_of
-from anhyst.identification.fit_records import records_of
+from anhyst.identification.fit_records import make_fit_records
+from anhyst.identification.model_building import make_response_form
 from anhyst.identification.run import SearchRun
 from tests.identification.truths import GAPS, core, largest, loops_of, magnet, noisy
 
@@ -59,9 +59,9 @@ def same(one: IdentifyResult, other: IdentifyResult) -> bool:
 
 
 def run_of(loops: Loops, checkpoint: Path, **settings: Any) -> SearchRun:
-    form = form_of(loops.input, loops.output, settings.pop("law", "effective-field"))
-    records = records_of(loops, settings.pop("weights", "loops"))
-    given: dict[str, Any] = {"seed": 1, "held": frozenset[str]()} | settings
+    form = make_response_form(loops.input, loops.output, settings.pop("law", "effective-field"))
+    records = make_fit_records(loops, settings.pop("weights", "loops"))
+    given: dict[str, Any] = {"seed": 1, "fixed": frozenset[str]()} | settings
     return SearchRun(form, records, checkpoint=checkpoint, **given)
 
 
@@ -69,7 +69,7 @@ def is_resumed(loops: Loops, checkpoint: Path, **settings: Any) -> bool:
     """Whether a run finds the stage that another left behind."""
     run = run_of(loops, checkpoint, **settings)
     run.stage("one", lambda: 1)
-    return run.resumed == 1
+    return run.resumed_stages == 1
 
 
 @pytest.mark.slow
@@ -101,9 +101,9 @@ def test_stages_done_are_not_done_again(tmp_path: Path, loops: Loops) -> None:
     made = first.stage("one", lambda: {"x": [0.1, float(np.pi), 1e-300], "n": 3})
     second = run_of(loops, checkpoint)
     assert second.stage("one", lambda: pytest.fail("done again")) == made
-    assert second.resumed == 1
+    assert second.resumed_stages == 1
     assert second.stage("two", lambda: 2) == 2
-    assert second.resumed == 1
+    assert second.resumed_stages == 1
     third = run_of(loops, checkpoint)
     assert [third.stage(name, lambda: None) for name in ("one", "two")] == [made, 2]
     second.finish()
@@ -115,7 +115,7 @@ def test_stages_done_are_not_done_again(tmp_path: Path, loops: Loops) -> None:
     [
         {"seed": 2},
         {"weights": "relative"},
-        {"held": frozenset({"in_0", "out_0"})},
+        {"fixed": frozenset({"in_0", "out_0"})},
         {"law": "jiles-atherton-1986"},
     ],
     ids=lambda change: str(next(iter(change))),
@@ -191,7 +191,7 @@ def test_ctrl_c_inside_a_stage_leaves_the_best_so_far(
     def interrupted(*_: object) -> float:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("anhyst.identification.choice.refit", interrupted)
+    monkeypatch.setattr("anhyst.identification.model_selection.refit", interrupted)
     assert identify(loops).interrupted
 
 

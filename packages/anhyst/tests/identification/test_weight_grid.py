@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.compensate.cells import curves
+from anhyst.compensate.cells import cell_outputs
 from anhyst.data import Loop, Loops
 from anhyst.data.path import History
 from anhyst.identification import IdentifyResult, identify
@@ -194,9 +194,9 @@ def test_weights_on_the_grid_are_rising_curves() -> None:
     cells = grid_model().cells
     assert cells is not None
     places = np.linspace(0.0, 2.0 * TOP, 200)
-    each = curves(cells, np.broadcast_to(places, (cells.thresholds.size, 200)))
+    each = cell_outputs(cells, np.broadcast_to(places, (cells.thresholds.size, 200)))
     assert np.diff(each, axis=1).min() >= -1e-12 * cells.saturation
-    np.testing.assert_allclose(curves(cells, -places[None] * np.ones_like(each)), -each)
+    np.testing.assert_allclose(cell_outputs(cells, -places[None] * np.ones_like(each)), -each)
 
 
 def test_noise_alone_does_not_call_for_a_grid() -> None:

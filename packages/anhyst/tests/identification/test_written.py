@@ -17,10 +17,10 @@ from anhyst.data.formats.text import write_csv
 from anhyst.data.reading import read_loops
 from anhyst.data.verdict import largest_output
 from anhyst.identification import IdentifyResult, candidates, identify
-from anhyst.identification.candidates import Contest, Fits, ModelCandidate
+from anhyst.identification.candidates import Comparison, Fits, ModelCandidate
 from anhyst.identification.cell_kernel import CellKernel
-from anhyst.identification.cross_validation import Miss, Refit
-from anhyst.identification.default import FoundModel
+from anhyst.identification.cross_validation import Refit, WithheldError
+from anhyst.identification.default_search import FoundModel
 from anhyst.laws import LAWS
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.parameters import GapMap
@@ -109,7 +109,7 @@ def accelerator() -> Loops:
 def dipole() -> IdentifyResult:
     with pytest.MonkeyPatch.context() as patch:
         # One loop alone is given the simplest cells; further ones would be fitted for nothing.
-        patch.setattr(candidates, "POPULATIONS", 1)
+        patch.setattr(candidates, "MAX_POPULATIONS", 1)
         return identify(accelerator())
 
 
@@ -151,7 +151,7 @@ def test_one_loop_chooses_the_law_by_blocks_of_samples_left_out(dipole: Identify
 @pytest.mark.slow
 def test_how_much_one_loop_leaves_open_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a ring pinned as strongly as it is driven a loop says little of what happens within it."""
-    monkeypatch.setattr(candidates, "POPULATIONS", 1)
+    monkeypatch.setattr(candidates, "MAX_POPULATIONS", 1)
     parameters = {"M_0": 3e4, "a_0": 150.0, "M_1": 1e6, "a_1": 150.0, "k_1": 250.0, "s_1": 2.7}
     truth = replace(accelerator_magnet(), parameters=parameters | {"c_H": 1.0, "c_out": 1.0})
     before = "conditioned:-340,340,-340,340,-340"
@@ -198,7 +198,7 @@ CELLS += [
 def test_play_cells_are_reported_as_predicted(
     law: str, gap_map: str, history: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(candidates, "POPULATIONS", 1)
+    monkeypatch.setattr(candidates, "MAX_POPULATIONS", 1)
     gaps = GAPS if gap_map == "circuit" else GAPS[:2]  # with three its leakage path is tried too
     loops = loops_of(magnet(gaps=gaps), history, samples=40, noise=1e-3)
     model = written(identify(loops, law=law, gap_map=gap_map), tmp_path)
@@ -210,7 +210,7 @@ def test_settled_loops_run_one_after_the_other_are_reported_as_predicted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A small cycle goes on from the remanence of the large one: for the fit and for predict."""
-    monkeypatch.setattr(candidates, "POPULATIONS", 1)
+    monkeypatch.setattr(candidates, "MAX_POPULATIONS", 1)
     truth = replace(accelerator_magnet(), history=History.parse("demagnetised"))
     cycles = [path([8.0, top, 8.0], 60)[:-1] for top in (165.0, 90.0, 40.0)]
     drive = np.concatenate([np.tile(cycle, 4) for cycle in cycles])
@@ -234,9 +234,9 @@ def test_settled_loops_run_one_after_the_other_are_reported_as_predicted(
 
 def test_what_could_not_be_left_out_is_absent() -> None:
     one, fold = ModelCandidate("free", frozenset()), frozenset({1})
-    nothing = Refit(np.inf, {1: Miss(np.inf, (np.inf,))})
-    contest = Contest([one], {}, {fold: {one: nothing}}, [1])
-    assert contest.finite_error(one) is None
+    nothing = Refit(np.inf, {1: WithheldError(np.inf, (np.inf,))})
+    contest = Comparison([one], {}, {fold: {one: nothing}}, [1])
+    assert contest.finite_withheld_error(one) is None
 
 
 @pytest.mark.parametrize(("fitted", "populations"), [(0.3, 2), (0.9, 1)])
@@ -251,7 +251,7 @@ def test_what_follows_loop_and_blocks_far_better_waits_for_no_certainty(
     missed = {one: [1.0, 1.0, 1.0, 1.0, 1.0, 20.0], other: [0.5, 0.5, 1.1, 0.5, 0.5, 1.0]}
     refits = {
         frozenset({place}): {
-            each: Refit(1.0, {place: Miss(squares[place] ** 0.5, (squares[place],))})
+            each: Refit(1.0, {place: WithheldError(squares[place] ** 0.5, (squares[place],))})
             for each, squares in missed.items()
         }
         for place in range(6)
@@ -260,9 +260,9 @@ def test_what_follows_loop_and_blocks_far_better_waits_for_no_certainty(
     nowhere: Any = None  # no space is looked at
     found = {each: FoundModel(nowhere, np.zeros(1), cost, 0) for each, cost in costs.items()}
     fits = {each: Fits(end, end) for each, end in found.items()}
-    chosen = Contest([one, other], fits, refits, range(6), "block").winner()
+    chosen = Comparison([one, other], fits, refits, range(6), "block").select_best()
     assert chosen.cells is not None
-    assert chosen.cells.populations == populations
+    assert chosen.cells.population_count == populations
 
 
 def test_a_model_that_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:

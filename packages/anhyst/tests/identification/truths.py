@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from anhyst.data import History, Loop, Loops
-from anhyst.identification.response import LOCAL, Local
+from anhyst.identification.response import PARAMETER_NAMES, ParameterSet
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.numeric import FloatArray
@@ -169,14 +169,14 @@ def predicted(model: Model, loopset: Loops) -> list[FloatArray]:
     ]
 
 
-def gauge_free(model: Model) -> list[Local]:
+def gauge_free(model: Model) -> list[ParameterSet]:
     """Parameters that every gauge of a model shares, at each node, (docs/theory.md)."""
     found = []
     for node in model.nodes or (None,):
         p = model.parameters_at(node)
         grip = 1.0 - p["alpha"]
         found.append(
-            Local(
+            ParameterSet(
                 law=(p["k"] / p["a"], p["c"]),
                 omega=(p["rho"] / (1.0 + p["rho"]) - p["alpha"]) * p["M_s"] / p["a"],
                 scale=p["a"] * (1.0 + p["rho"]) / p["c_H"],
@@ -199,6 +199,6 @@ def apart(one: Model, other: Model, loopset: Loops) -> float:
     differences = [
         abs(getattr(a, name) - getattr(b, name)) / spans.get(name, abs(getattr(b, name)))
         for a, b in zip(gauge_free(one), gauge_free(other), strict=True)
-        for name in LOCAL
+        for name in PARAMETER_NAMES
     ]
     return float(max(differences))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.laws.cells import CellWeights, Population, populations
+from anhyst.laws.cells import CellWeights, Population, discretise_populations
 from anhyst.model.actuator import Model, read_model
 from anhyst.model.diff import diff
 from anhyst.model.writer import model_text, write_model
@@ -22,7 +22,7 @@ NUMBERS = {
     "M_0": 3e4, "a_0": 50.0, "M_1": 3e5, "a_1": 40.0, "k_1": 20.0, "s_1": 1.5,
     "M_2": 1e5, "a_2": 120.0, "k_2": 80.0, "s_2": 2.0,
 }  # fmt: skip
-CELLS = populations(
+CELLS = discretise_populations(
     (3e4, 50.0), [Population(3e5, 40.0, 20.0, 1.5), Population(1e5, 120.0, 80.0, 2)]
 )
 FEW = CellWeights(

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.model.actuator import GAPS as LOOKED_AT
-from anhyst.model.actuator import Model, least_slope, obstacle
+from anhyst.model.actuator import GAP_SAMPLES as LOOKED_AT
+from anhyst.model.actuator import Model, find_compile_obstacle, least_slope
 from anhyst.model.dynamics import Layers
 from anhyst.model.schema import ValidRange
 from anhyst.support.units import QUANTITIES
@@ -40,36 +40,40 @@ def test_a_jump_is_where_the_drive_falls_as_the_flux_rises(alpha: float, c: floa
         least = float(least_slope(model, np.array([gap]))[0])
         if abs(least) > 0.01:
             assert drive_rises(model, gap) == (least > 0.0), (gap, least)
-    assert (obstacle(model) is None) == bool((least_slope(model, AT) > 0.001).all())
+    assert (find_compile_obstacle(model) is None) == bool((least_slope(model, AT) > 0.001).all())
 
 
 def test_a_coupling_that_outweighs_the_gap_without_a_jump_is_no_obstacle() -> None:
     model = magnet("reluctance", alpha=0.0045)
-    assert model.over_schedule("rho", GAPS[0])[0] < 0.0045 / (1.0 - 0.0045)
-    assert obstacle(model) is None
+    assert model.interpolate_parameter("rho", GAPS[0])[0] < 0.0045 / (1.0 - 0.0045)
+    assert find_compile_obstacle(model) is None
 
 
 def test_a_jump_at_the_smallest_gaps_is_reported_with_the_range_that_is_left() -> None:
     model = magnet("reluctance", alpha=0.0055)
-    said = obstacle(model)
+    said = find_compile_obstacle(model)
     assert said is not None
     assert "it jumps at a gap of 0.0003 to 0.000337 m" in said
     assert "narrow the gap in the model's [valid]" in said
     assert model.valid is not None
     beyond = replace(model.valid, schedule=(0.00036, GAPS[-1]))
-    assert obstacle(replace(model, valid=beyond)) is None
+    assert find_compile_obstacle(replace(model, valid=beyond)) is None
 
 
 def test_what_else_cannot_be_compiled_is_reported_with_the_switch_that_helps() -> None:
-    assert "--gap-map scaling or reluctance" in str(obstacle(magnet("free")))
+    assert "--gap-map scaling or reluctance" in str(find_compile_obstacle(magnet("free")))
     late = magnet("none", gamma=0.5)
-    assert obstacle(late) == obstacle(late.at_rest) == obstacle(magnet("none"))
+    assert (
+        find_compile_obstacle(late)
+        == find_compile_obstacle(late.at_rest)
+        == find_compile_obstacle(magnet("none"))
+    )
     layered = replace(late, layers=Layers(3, 0.1))  # which the law of Jiles and Atherton has not
-    assert "at_rest" in str(obstacle(layered))
+    assert "at_rest" in str(find_compile_obstacle(layered))
     old = replace(magnet("none"), law="jiles-atherton-1986")
-    assert "--law effective-field" in str(obstacle(old))
+    assert "--law effective-field" in str(find_compile_obstacle(old))
 
 
 def test_a_closed_core_that_jumps_is_reported_so() -> None:
     model = replace(magnet("none", alpha=0.01), valid=ValidRange((0.0, 2.0), (0.0, 200.0)))
-    assert "predict and invert follow the jumps" in str(obstacle(model))
+    assert "predict and invert follow the jumps" in str(find_compile_obstacle(model))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.law import Coordinate
-from anhyst.model.parameters import Curve, specs_of
+from anhyst.model.parameters import Curve, parameter_specs
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
@@ -17,7 +17,7 @@ from tests.refusals import refused
 GAPS = np.array([0.3e-3, 0.4e-3, 0.5e-3, 0.6e-3])
 COORDINATES: dict[str, Coordinate] = {
     name: spec.coordinate
-    for name, spec in specs_of(LAWS[DEFAULT_LAW]).items()
+    for name, spec in parameter_specs(LAWS[DEFAULT_LAW]).items()
     if name in {"c_H", "M_s", "k", "c_out", "rho", "alpha"}
 }
 

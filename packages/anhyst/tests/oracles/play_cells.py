@@ -65,7 +65,7 @@ class PlayCells:
     def magnetisation(self, state: FloatArray) -> float:
         """Return M of a state, A/m."""
         total = 0.0
-        for centre in (-self.cells.middles, self.cells.middles):
+        for centre in (-self.cells.curve_centres, self.cells.curve_centres):
             z = (state[:, None] + centre) / self.cells.widths
             curve = np.tanh(z) if self.cells.shape == "tanh" else langevin(z)
             total += 0.5 * float((self.cells.weights * curve).sum())

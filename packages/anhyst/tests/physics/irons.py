@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from anhyst import _core
-from anhyst.laws.cells import CellWeights, Population, Shape, populations
-from anhyst.laws.play_cells import iron_of
+from anhyst.laws.cells import CellWeights, Population, Shape, discretise_populations
+from anhyst.laws.play_cells import make_iron
 from anhyst.support.numeric import FloatArray
 from tests.oracles.effective_field import StepKind
 from tests.oracles.iron import LawName
@@ -100,12 +100,14 @@ def random_cells(rng: np.random.Generator, shape: Shape) -> CellWeights:
         )
         for share in shares.tolist()
     ]
-    return populations((reversible * saturation, width * rng.uniform(0.5, 2.0)), pinned, shape)
+    return discretise_populations(
+        (reversible * saturation, width * rng.uniform(0.5, 2.0)), pinned, shape
+    )
 
 
 def _cells(rng: np.random.Generator, shape: Shape, *, jumping: bool) -> Sample | None:
     cells = random_cells(rng, shape)
-    steepest = iron_of(cells, 0.0).steepest
+    steepest = make_iron(cells, 0.0).steepest
     least = 1.0 if shape == "tanh" else 1.0 / 3.0
     reversible = float(cells.weights[0] @ (least / cells.widths))
     if jumping:
@@ -119,7 +121,7 @@ def _cells(rng: np.random.Generator, shape: Shape, *, jumping: bool) -> Sample |
     amplitude = log_uniform(rng, 0.3, 30.0) * sheared
     if amplitude < cells.saturation / 3e5:
         return None
-    return Sample(iron_of(cells, alpha), cells.saturation, alpha, steepest,
+    return Sample(make_iron(cells, alpha), cells.saturation, alpha, steepest,
                   cells.thresholds.size, amplitude)  # fmt: skip
 
 

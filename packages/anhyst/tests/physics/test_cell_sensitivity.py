@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anhyst._core import CellOperator
-from anhyst.laws.cells import Population, Shape, population_tangents, populations
+from anhyst.laws.cells import Population, Shape, discretise_populations, population_tangents
 from anhyst.support.numeric import FloatArray
 
 NUMBERS = np.array([3e4, 50.0, 3e5, 40.0, 20.0, 1.5, 1e5, 120.0, 80.0, 2.0])
@@ -28,7 +28,7 @@ def path(numbers: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def operator(numbers: FloatArray, shape: Shape, centres: FloatArray | None) -> CellOperator:
-    cells = populations((numbers[0], numbers[1]), pinned(numbers), shape)
+    cells = discretise_populations((numbers[0], numbers[1]), pinned(numbers), shape)
     return CellOperator(cells.thresholds, cells.widths, cells.weights, shape, centres=centres)
 
 
@@ -76,7 +76,7 @@ def test_derivatives_of_a_path_are_those_of_its_differences(
 
 def test_drives_that_begin_in_one_call_are_as_if_each_were_alone() -> None:
     numbers = np.concatenate([NUMBERS, [OMEGA, DRIVE]])
-    cells = populations((numbers[0], numbers[1]), pinned(numbers))
+    cells = discretise_populations((numbers[0], numbers[1]), pinned(numbers))
     core = CellOperator(cells.thresholds, cells.widths, cells.weights)
     omega, r, _ = path(numbers)
     whole = core.run(omega, r, np.array([0, 50, 50, 110]))

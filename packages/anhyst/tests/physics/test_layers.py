@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anhyst._core import AnyIron, CellIron, Iron
-from anhyst.laws.cells import CellWeights, Population, populations
+from anhyst.laws.cells import CellWeights, Population, discretise_populations
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.oracles.layers import SolidIron
@@ -17,7 +17,7 @@ NUMBERS = {"cells": 13, "langevin": 3}
 
 def weights() -> CellWeights:
     pinned = [Population(9e5, 90.0, 40.0, 2.0), Population(3e5, 1500.0, 150.0, 1.2)]
-    return populations((4e4, 400.0), pinned)
+    return discretise_populations((4e4, 400.0), pinned)
 
 
 def iron(family: str) -> AnyIron:

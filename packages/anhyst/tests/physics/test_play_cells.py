@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from anhyst import _core
-from anhyst.laws.cells import CellWeights, Population, Shape, populations
-from anhyst.laws.play_cells import iron_of
+from anhyst.laws.cells import CellWeights, Population, Shape, discretise_populations
+from anhyst.laws.play_cells import make_iron
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.oracles.play_cells import PlayCells
@@ -15,7 +15,7 @@ from tests.oracles.play_cells import PlayCells
 from .irons import PLAY_CELLS, Sample, random_cells, samples
 from .sets import random_walk, sine
 
-SHEET = populations(
+SHEET = discretise_populations(
     (3e4, 50.0), [Population(3e5, 40.0, 20.0, 1.5), Population(1e5, 120.0, 80.0, 2)]
 )
 ALPHA = -2e-4
@@ -26,7 +26,7 @@ every_cells = pytest.mark.parametrize("law", PLAY_CELLS)
 
 def sheet(alpha: float = ALPHA, shape: Shape = "tanh") -> Sample:
     cells = CellWeights(SHEET.thresholds, SHEET.widths, SHEET.weights, shape)
-    core = iron_of(cells, alpha)
+    core = make_iron(cells, alpha)
     return Sample(core, cells.saturation, alpha, core.steepest, 13, 400.0)
 
 
@@ -35,10 +35,10 @@ def test_core_agrees_with_direct_sums(shape: Shape) -> None:
     rng = np.random.default_rng(7)
     for number in range(25):
         cells = random_cells(rng, shape)
-        alpha = float(rng.uniform(-5.0, 0.9)) / iron_of(cells, 0.0).steepest
+        alpha = float(rng.uniform(-5.0, 0.9)) / make_iron(cells, 0.0).steepest
         amplitude = float(cells.widths.max()) * 3.0 + max(-alpha, 0.0) * cells.saturation
         drive, rho = random_walk(amplitude, 30, number), 1e-3 * rng.uniform(0.5, 1.5, 30)
-        core, direct = iron_of(cells, alpha), PlayCells(cells, alpha)
+        core, direct = make_iron(cells, alpha), PlayCells(cells, alpha)
         b, h, state, status, _ = core.forward(drive, rho, np.full(30, 1e3), np.zeros(13))
         assert status == 0
         expected_b, expected_h, expected = direct.forward(drive, rho, 1e3)
@@ -57,9 +57,9 @@ def test_jumps_are_those_of_direct_sums(shape: Shape) -> None:
     for seed in range(6):
         rng = np.random.default_rng(100 + seed)
         cells = random_cells(rng, shape)
-        steepest = iron_of(cells, 0.0).steepest
+        steepest = make_iron(cells, 0.0).steepest
         alpha = 3.0 / steepest
-        core, direct = iron_of(cells, alpha), PlayCells(cells, alpha)
+        core, direct = make_iron(cells, alpha), PlayCells(cells, alpha)
         drive = random_walk(5.0 * float(cells.widths.max()), 12, seed)
         b, _, _, status, _ = core.forward(drive, np.zeros(12), np.zeros(12), np.zeros(13))
         if status != 0:

@@ -42,7 +42,7 @@ def check_memory(block: Block, core: FixedCompensator) -> None:
         assert abs(c) <= ONE
         assert abs(d) <= ONE
         assert abs(e) <= ONE
-        assert abs(a - c) <= block.word("FULL_PLAY") * 2**15 + ONE / 1024
+        assert abs(a - c) <= block.integer("FULL_PLAY") * 2**15 + ONE / 1024
     else:
         assert abs(c) <= 16 * 2**27
 
@@ -55,7 +55,7 @@ def test_any_words_leave_a_memory_within_its_bounds(
     """Solve anything, commit what was solved or anything else, at any gap."""
     block = block_of(kind, play, gap_map)
     core = FixedCompensator(kind, block.words)
-    low, high = block.word("CURRENT_LOW") * 65536, block.word("CURRENT_HIGH") * 65536
+    low, high = block.integer("CURRENT_LOW") * 65536, block.integer("CURRENT_HIGH") * 65536
     for as_solved, demand, gap, other in steps:
         before = core.memory.tolist()
         current = core.solve_q31(demand, gap)
@@ -83,7 +83,7 @@ def test_any_memory_leads_back_into_bounds(
     """Also from a memory that no path of the law leads to."""
     block = block_of(kind, play, gap_map)
     core = FixedCompensator(kind, block.words)
-    width = block.word("FULL_PLAY") * 2**15 if kind == "full" else 0
+    width = block.integer("FULL_PLAY") * 2**15 if kind == "full" else 0
     place = field // 2
     third = min(max(place + rest % (2 * width + 1) - width, -ONE), ONE) if kind == "full" else 0
     core.set_memory(np.array([place, level, third, *turn], dtype=np.int32))
@@ -99,11 +99,11 @@ def test_flags_show_what_was_limited(kind: Kind, demand: int, gap: int) -> None:
     block = block_of(kind, 0.0)
     core = FixedCompensator(kind, block.words)
     current = core.solve_q31(demand, gap)
-    low, high = (block.word(f"DEMAND_{end}") * 65536 for end in ("LOW", "HIGH"))
+    low, high = (block.integer(f"DEMAND_{end}") * 65536 for end in ("LOW", "HIGH"))
     residual = int(block.table("GAP_OFFSET")[0]) * 65536  # the same at every gap here
     asked_too_much = not max(low, residual) <= demand <= high
     assert bool(core.flags & 1) == asked_too_much
-    ends = {block.word("CURRENT_LOW") * 65536, block.word("CURRENT_HIGH") * 65536}
+    ends = {block.integer("CURRENT_LOW") * 65536, block.integer("CURRENT_HIGH") * 65536}
     if core.flags & 2:
         assert current in ends
     assert bool(core.flags & 512) == (gap < 0)  # GAP_LIMITED

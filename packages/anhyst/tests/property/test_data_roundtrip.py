@@ -14,12 +14,18 @@ from hypothesis.extra import numpy as hnp
 from anhyst.data import History, Loop, Loops, read_columns, write_csv
 from anhyst.data.formats.channels import Texts
 from anhyst.data.output_map import OUTPUT_MAPS
-from anhyst.data.path import LARGEST, turning_points
+from anhyst.data.path import MAX_MEASURED_VALUE, find_turning_points
 from anhyst.data.reading import read_loops
-from anhyst.support.units import DIMENSIONS, INPUTS, QUANTITIES, UNITS, parse_header
+from anhyst.support.units import (
+    DRIVE_QUANTITIES,
+    QUANTITIES,
+    QUANTITY_DIMENSIONS,
+    UNITS,
+    parse_header,
+)
 
-FINITE = st.floats(-LARGEST, LARGEST)  # beyond, nobody measured it
-DIMENSION = dict(DIMENSIONS)
+FINITE = st.floats(-MAX_MEASURED_VALUE, MAX_MEASURED_VALUE)  # beyond, nobody measured it
+DIMENSION = dict(QUANTITY_DIMENSIONS)
 
 
 @st.composite
@@ -75,7 +81,7 @@ def test_numbers_survive_a_file_bit_by_bit(values: np.ndarray, sign: str) -> Non
         path.write_text(path.read_text().replace(",", sign))
         table = read_columns(path)
         for place, name in enumerate(("current", "force", "displacement")):
-            assert np.array_equal(table.need(name, ""), values[:, place])
+            assert np.array_equal(table.require(name, ""), values[:, place])
 
 
 LABELS = st.text(
@@ -92,12 +98,12 @@ def test_labels_survive_a_file(labels: list[str]) -> None:
         write_csv(path, {"I_A": np.arange(float(len(labels))), "loop": column})
         read = read_columns(path).columns[1]
         assert isinstance(read, Texts)
-        assert read.rows() == labels
+        assert read.as_list() == labels
 
 
 @settings(max_examples=50)
 @given(
-    st.sampled_from(INPUTS),
+    st.sampled_from(DRIVE_QUANTITIES),
     st.sampled_from(list(OUTPUT_MAPS)),
     st.integers(3, 60),
     st.integers(0, 2**31),
@@ -125,7 +131,7 @@ def test_loops_survive_a_file(drive: str, answer: str, samples: int, seed: int) 
 
 @given(hnp.arrays(np.float64, st.integers(1, 50), elements=st.floats(-100, 100)), st.floats(0, 50))
 def test_between_turning_points_the_signal_goes_one_way(values: np.ndarray, limit: float) -> None:
-    turns = turning_points(values, limit)
+    turns = find_turning_points(values, limit)
     assert turns[0] == 0
     assert turns[-1] == values.size - 1 or values.size == 1
     assert np.all(np.diff(turns) > 0)

@@ -10,10 +10,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from anhyst.data.path import DEMAGNETISED
-from anhyst.identification.bare import AIR_CORE, form_of, physical
-from anhyst.identification.fit_records import FitRecord, FitRecords, Past
+from anhyst.identification.fit_records import FitRecord, FitRecords, InputHistory
+from anhyst.identification.model_building import (
+    DEFAULT_AIR_CORE_SLOPE,
+    make_response_form,
+    physical_parameters,
+)
 from anhyst.identification.objective import Objective
-from anhyst.identification.response import Local, ResponseForm
+from anhyst.identification.response import ParameterSet, ResponseForm
 from anhyst.identification.space import CoordinateSpace
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap, Parameter
@@ -43,15 +47,15 @@ def omegas(least: float) -> st.SearchStrategy[float]:
 
 
 @st.composite
-def local_sets(draw: st.DrawFn, count: int, vary: str, least: float = -2.0) -> list[Local]:
-    first = Local(
+def local_sets(draw: st.DrawFn, count: int, vary: str, least: float = -2.0) -> list[ParameterSet]:
+    first = ParameterSet(
         law=(draw(st.floats(0.05, 5.0)), draw(st.floats(0.0, 0.9))),
         omega=draw(omegas(least)),
         scale=draw(st.floats(0.03, 1.0)),
         gain=draw(st.floats(0.1, 10.0)),
         in_0=draw(st.floats(-0.1, 0.1)),
         out_0=draw(st.floats(-0.1, 0.1)),
-        h=AIR_CORE,
+        h=DEFAULT_AIR_CORE_SLOPE,
     )
     sets = [first]
     for _ in range(count - 1):
@@ -73,12 +77,12 @@ def local_sets(draw: st.DrawFn, count: int, vary: str, least: float = -2.0) -> l
     return sets
 
 
-def reluctance_scales(sets: list[Local]) -> list[Local]:
+def reluctance_scales(sets: list[ParameterSet]) -> list[ParameterSet]:
     """Give each set the scale that the map demands of it."""
     return [replace(one, scale=sets[0].scale / (1.0 - one.h * one.omega)) for one in sets]
 
 
-def fitted(space: CoordinateSpace, sets: list[Local]) -> list[FloatArray]:
+def fitted(space: CoordinateSpace, sets: list[ParameterSet]) -> list[FloatArray]:
     return list(np.split(Objective(space).outputs(sets), len(sets)))
 
 
@@ -87,10 +91,10 @@ def space_of(form: ResponseForm, gap_map: GapMap, count: int) -> CoordinateSpace
         FitRecord(
             str(gap),
             gap,
-            Past.at(np.empty(0), gap),
+            InputHistory.at(np.empty(0), gap),
             PATH,
             PATH,
-            settled=False,
+            is_cycle=False,
             weight=1.0,
             clock=np.zeros(PATH.size),
         )
@@ -100,12 +104,14 @@ def space_of(form: ResponseForm, gap_map: GapMap, count: int) -> CoordinateSpace
 
 
 def model_of(
-    sets: list[Local], gap_map: GapMap, law: str, quantities: tuple[Quantity, Quantity]
+    sets: list[ParameterSet], gap_map: GapMap, law: str, quantities: tuple[Quantity, Quantity]
 ) -> Model:
     return Model(
         "model",
         *quantities,
-        physical(form_of(*quantities, law), sets, gap_map, *quantities, GAPS[: len(sets)]),
+        physical_parameters(
+            make_response_form(*quantities, law), sets, gap_map, *quantities, GAPS[: len(sets)]
+        ),
         law=law,
         gap_map=gap_map if len(sets) > 1 else "none",
         schedule=QUANTITIES["gap"],
@@ -115,11 +121,11 @@ def model_of(
 
 
 def check_same_outputs(
-    sets: list[Local], gap_map: GapMap, law: str, names: tuple[str, str]
+    sets: list[ParameterSet], gap_map: GapMap, law: str, names: tuple[str, str]
 ) -> Model:
     quantities = (QUANTITIES[names[0]], QUANTITIES[names[1]])
-    space = space_of(form_of(*quantities, law), gap_map, len(sets))
-    sets = [space.form.local([*space.form.values(one).values()]) for one in sets]
+    space = space_of(make_response_form(*quantities, law), gap_map, len(sets))
+    sets = [space.form.make_set([*space.form.named_values(one).values()]) for one in sets]
     assume(all(one.h * one.omega < 0.9 for one in sets))
     try:
         expected = fitted(space, sets)
@@ -134,41 +140,41 @@ def check_same_outputs(
 
 @given(local_sets(1, "nothing"), QUANTITY_PAIRS, LAWS)
 def test_a_model_of_one_gap_gives_the_fitted_outputs(
-    sets: list[Local], names: tuple[str, str], law: str
+    sets: list[ParameterSet], names: tuple[str, str], law: str
 ) -> None:
     check_same_outputs(sets, "none", law, names)
 
 
 @given(local_sets(3, "scale"), QUANTITY_PAIRS, LAWS)
 def test_a_scaling_model_gives_the_fitted_outputs(
-    sets: list[Local], names: tuple[str, str], law: str
+    sets: list[ParameterSet], names: tuple[str, str], law: str
 ) -> None:
     check_same_outputs(sets, "scaling", law, names)
 
 
 @given(local_sets(3, "everything"), QUANTITY_PAIRS, LAWS)
 def test_a_free_model_gives_the_fitted_outputs(
-    sets: list[Local], names: tuple[str, str], law: str
+    sets: list[ParameterSet], names: tuple[str, str], law: str
 ) -> None:
     check_same_outputs(sets, "free", law, names)
 
 
 @given(local_sets(3, "omega"), QUANTITY_PAIRS)
 def test_a_reluctance_model_gives_the_fitted_outputs(
-    sets: list[Local], names: tuple[str, str]
+    sets: list[ParameterSet], names: tuple[str, str]
 ) -> None:
     """Also where a reluctance, or the closed gap's, would come out negative and is lifted."""
     model = check_same_outputs(reluctance_scales(sets), "reluctance", "effective-field", names)
     rho = np.atleast_1d(model.parameters["rho"])
     assert rho.min() >= 0.0
-    assert model.over_schedule("rho", 0.0)[0] >= 0.0
+    assert model.interpolate_parameter("rho", 0.0)[0] >= 0.0
 
 
 @given(local_sets(2, "omega", least=-2.0))
-def test_a_lift_moves_only_along_the_redundancy(sets: list[Local]) -> None:
+def test_a_lift_moves_only_along_the_redundancy(sets: list[ParameterSet]) -> None:
     sets = reluctance_scales([replace(sets[0], omega=-1.5), sets[1]])
     model = check_same_outputs(sets, "reluctance", "effective-field", ("current", "force"))
-    least = min(*np.atleast_1d(model.parameters["rho"]), model.over_schedule("rho", 0.0)[0])
+    least = min(*np.atleast_1d(model.parameters["rho"]), model.interpolate_parameter("rho", 0.0)[0])
     assert 0.0 <= least < 1e-9
     alpha = model.parameters["alpha"]
     assert isinstance(alpha, float)
@@ -190,7 +196,9 @@ def outputs(model: Model, gaps: Sequence[float] = GAPS) -> FloatArray:
 
 
 @given(local_sets(3, "scale"), st.floats(0.1, 10.0))
-def test_a_scaling_model_does_not_know_the_size_of_its_iron(sets: list[Local], q: float) -> None:
+def test_a_scaling_model_does_not_know_the_size_of_its_iron(
+    sets: list[ParameterSet], q: float
+) -> None:
     """M_s, a, k, c_H times q and c_out over q^2 is the same magnet."""
     quantities = (QUANTITIES["current"], QUANTITIES["force"])
     model = model_of(sets, "scaling", "effective-field", quantities)
@@ -200,7 +208,9 @@ def test_a_scaling_model_does_not_know_the_size_of_its_iron(sets: list[Local], q
 
 
 @given(local_sets(3, "omega", least=0.0), st.floats(0.5, 2.0), st.floats(0.5, 2.0))
-def test_a_reluctance_model_has_two_redundancies(sets: list[Local], p: float, q: float) -> None:
+def test_a_reluctance_model_has_two_redundancies(
+    sets: list[ParameterSet], p: float, q: float
+) -> None:
     quantities = (QUANTITIES["current"], QUANTITIES["force"])
     model = model_of(reluctance_scales(sets), "reluctance", "effective-field", quantities)
     rho = np.asarray(model.parameters["rho"])
@@ -219,7 +229,7 @@ def test_a_reluctance_model_has_two_redundancies(sets: list[Local], p: float, q:
 
 
 @given(local_sets(3, "everything"))
-def test_a_physical_model_is_always_a_valid_one(sets: list[Local]) -> None:
+def test_a_physical_model_is_always_a_valid_one(sets: list[ParameterSet]) -> None:
     """Whatever the search ends at can be written down."""
     quantities = (QUANTITIES["current"], QUANTITIES["force"])
     maps: tuple[GapMap, ...] = ("scaling", "reluctance", "free")

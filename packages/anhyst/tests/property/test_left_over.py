@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from anhyst.model.left_over import left_over
+from anhyst.model.residual_analysis import analyse_residual
 from anhyst.model.residual_shapes import Residual
 from anhyst.support.numeric import FloatArray
 
@@ -45,7 +45,7 @@ SETS = {"one loop": alone, "nested loops": nested, "records over the gap": over_
 def left_by(records: list[Residual], offs: list[FloatArray]) -> list[Residual]:
     """Records of which a model leaves this: the measurement has the noise."""
     return [
-        Residual(one.drive, one.measured - off, off, one.gap, one.settled)
+        Residual(one.drive, one.measured - off, off, one.gap, one.is_cycle)
         for one, off in zip(records, offs, strict=True)
     ]
 
@@ -66,7 +66,7 @@ def test_noise_is_called_noise(kind: str, with_last: float) -> None:
     for trial in range(tries):
         records = SETS[kind](lengths[trial % len(lengths)])
         offs = [NOISE * filtered(rng, one.drive.size, with_last) for one in records]
-        alarms += not left_over(left_by(records, offs), 1.0).done
+        alarms += not analyse_residual(left_by(records, offs), 1.0).is_noise
     assert alarms < 0.02 * tries
 
 
@@ -80,11 +80,11 @@ def test_rounding_is_no_shape(digits: int) -> None:
                 np.round(one.measured, digits),
                 one.measured - np.round(one.measured, digits),
                 one.gap,
-                one.settled,
+                one.is_cycle,
             )
             for one in nested(samples)
         ]
-        assert left_over(records, 1.0).done
+        assert analyse_residual(records, 1.0).is_noise
 
 
 def _shape(name: str, one: Residual, gaps: FloatArray, before: int, whole: int) -> FloatArray:
@@ -129,7 +129,7 @@ def test_a_shape_of_twice_the_noise_is_named(name: str, kind: str, size: float, 
             before += one.drive.size
         rms = np.sqrt(np.mean(np.concatenate(shapes) ** 2))
         offs = [NOISE * (rng.standard_normal(one.size) + size * one / rms) for one in shapes]
-        left = left_over(left_by(records, offs), 1.0)
+        left = analyse_residual(left_by(records, offs), 1.0)
         right += bool(left.shapes) and left.shapes[0][0] == name
-        assert left.beyond == pytest.approx(NOISE * size, rel=0.25)
+        assert left.beyond_noise == pytest.approx(NOISE * size, rel=0.25)
     assert right > 0.95 * tries

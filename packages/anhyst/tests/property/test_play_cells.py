@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anhyst.laws.cells import SHAPES, CellWeights
-from anhyst.laws.play_cells import iron_of
+from anhyst.laws.play_cells import make_iron
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.oracles.play_cells import PlayCells
@@ -33,7 +33,7 @@ def any_cells(draw: st.DrawFn) -> CellWeights:
 
 
 def any_path(cells: CellWeights) -> st.SearchStrategy[FloatArray]:
-    reach = 3.0 * float(cells.thresholds[-1] + (cells.widths + cells.middles).max())
+    reach = 3.0 * float(cells.thresholds[-1] + (cells.widths + cells.curve_centres).max())
     places = st.lists(st.floats(-reach, reach), min_size=2, max_size=12)
     return places.map(np.array)
 
@@ -45,7 +45,7 @@ def test_core_and_direct_sums_agree_from_any_state(data: st.DataObject) -> None:
     wild = st.one_of(st.floats(-1e3, 1e3), st.sampled_from([np.nan, np.inf, -1e9]))
     size = cells.thresholds.size
     state = np.array(data.draw(st.lists(wild, min_size=size, max_size=size)))
-    core, direct, zero = iron_of(cells, 0.0), PlayCells(cells, 0.0), np.zeros(path.size)
+    core, direct, zero = make_iron(cells, 0.0), PlayCells(cells, 0.0), np.zeros(path.size)
     one = np.zeros(1)
     entered = core.forward(path[:1], one, one, state)[2]
     b, _, after, status, _ = core.forward(path, zero, zero, entered)
@@ -59,8 +59,12 @@ def test_core_and_direct_sums_agree_from_any_state(data: st.DataObject) -> None:
 def test_a_demand_gives_the_field_that_made_it(data: st.DataObject) -> None:
     cells = data.draw(any_cells())
     path = data.draw(any_path(cells))
-    alpha = min(data.draw(st.floats(-2.0, 0.9)) / iron_of(cells, 0.0).steepest, 0.9)
-    core, zero, start = iron_of(cells, alpha), np.zeros(path.size), np.zeros(cells.thresholds.size)
+    alpha = min(data.draw(st.floats(-2.0, 0.9)) / make_iron(cells, 0.0).steepest, 0.9)
+    core, zero, start = (
+        make_iron(cells, alpha),
+        np.zeros(path.size),
+        np.zeros(cells.thresholds.size),
+    )
     b, _, after, status, _ = core.forward(path, zero, zero, start)
     assert status == 0
     back, _, again, status, _ = core.inverse(b, zero, zero, start)
@@ -75,7 +79,7 @@ def test_only_extremes_that_no_larger_one_followed_are_remembered(data: st.DataO
     cells = data.draw(any_cells())
     path = data.draw(any_path(cells))
     largest = float(np.abs(path).max()) + 1.0
-    core, start = iron_of(cells, 0.0), np.zeros(cells.thresholds.size)
+    core, start = make_iron(cells, 0.0), np.zeros(cells.thresholds.size)
     tail = np.array([largest, -largest, 0.5 * largest])
     whole = np.concatenate([path, tail])
     after = core.forward(whole, np.zeros(whole.size), np.zeros(whole.size), start)[2]

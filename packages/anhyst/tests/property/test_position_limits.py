@@ -34,7 +34,7 @@ QUICK = replace(
 def test_no_signal_leads_beyond_the_limits(
     number_format: NumberFormat, magnets: int, samples: list[tuple[float, ...]], measured: bool
 ) -> None:
-    control = replace(QUICK, measured=measured)
+    control = replace(QUICK, uses_measured_currents=measured)
     if magnets == 2:
         control = replace(control, pidd2=PAIR.pidd2, bias=PAIR.bias, gap_total=PAIR.gap_total)
     controller = make(number_format, control)

@@ -113,13 +113,14 @@ def test_another_straight_law_moves_it_by_less_than_the_two_are_ever_apart(
     other = replace(
         law,
         rate=law.rate * factors[0],
-        lag_arm=law.lag_arm * factors[1],
-        flux_arm=law.flux_arm * factors[2],
-        offset=np.full(law.at.size, offset),
+        lag_coefficient=law.lag_coefficient * factors[1],
+        flux_coefficient=law.flux_coefficient * factors[2],
+        offset=np.full(law.gaps.size, offset),
     )
     model = magnet("reluctance", PLAY)
     here, there = (
-        build_block(model, "simplified", scales, limits, SIZES, law=each) for each in (law, other)
+        build_block(model, "simplified", scales, limits, SIZES, closed_form=each)
+        for each in (law, other)
     )
     demand = path("reluctance", seed)
     most = apart(here, there, np.append(demand, cycle("reluctance")), gap) + ACCURACY
@@ -134,7 +135,7 @@ def test_a_swap_to_the_very_same_block_changes_nothing_that_matters(kind: str) -
         block = build_block(model, "full", scales, limits, FULL_SIZES)
     else:
         block = build_block(
-            model, "simplified", scales, limits, SIZES, law=closed_form("reluctance")
+            model, "simplified", scales, limits, SIZES, closed_form=closed_form("reluctance")
         )
     for seed in range(20):
         assert jump(block, block, path("reluctance", seed), GAPS[1]) < 5e-5

@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 
 from anhyst.data import Loops
-from anhyst.data.speeds import slow_loops
-from anhyst.data.verdict import judge
+from anhyst.data.speeds import select_slow_loops
+from anhyst.data.verdict import assess_loops
 from anhyst.model.acceptance import Acceptance
 from anhyst.model.actuator import Model
-from anhyst.model.dynamics import GAMMA, Dynamics
+from anhyst.model.dynamics import GAMMA_NAME, Dynamics
 from anhyst.model.schema import Uncertainty
 from anhyst.reports.sections_fit import rate_corner, section_rate
 from anhyst.reports.subject import Evidence, ModelSubject
@@ -21,7 +21,7 @@ from tests.identification.test_rate import measured, truth
 
 def known(gamma: float) -> Model:
     """A model that says up to where it was measured, and how sure its gamma is."""
-    sure = Uncertainty(names=(GAMMA,), values=(gamma,), std=(0.05 * gamma,))
+    sure = Uncertainty(names=(GAMMA_NAME,), values=(gamma,), std=(0.05 * gamma,))
     return replace(truth(gamma), dynamics=Dynamics(fastest=50.0), uncertainty=sure)
 
 
@@ -29,7 +29,7 @@ def about(model: Model, loops: Loops) -> ModelSubject:
     fitted = tuple(
         model.predict(one.input, one.schedule, one.time, one.history).output for one in loops.loops
     )
-    evidence = Evidence(loops, fitted, None, judge(loops), (), ())
+    evidence = Evidence(loops, fitted, None, assess_loops(loops), (), ())
     return ModelSubject(model, None, Acceptance(None, None), evidence)
 
 
@@ -54,4 +54,4 @@ def test_the_corner_is_in_inverse_proportion_to_gamma() -> None:
 
 
 def test_loops_at_one_speed_have_no_section_on_rate() -> None:
-    assert section_rate(about(known(5.0), slow_loops(measured()))) is None
+    assert section_rate(about(known(5.0), select_slow_loops(measured()))) is None

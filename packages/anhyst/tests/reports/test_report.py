@@ -15,7 +15,7 @@ from anhyst.cli import app as cli
 from anhyst.data.clean import ReadOptions
 from anhyst.data.loops import Loops, Source
 from anhyst.data.path import History
-from anhyst.data.verdict import WHERE_IT_PAYS, Level
+from anhyst.data.verdict import GAIN_ADVICE, Level
 from anhyst.model.acceptance import Acceptance
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
@@ -24,9 +24,9 @@ from anhyst.model.writer import write_model
 from anhyst.reports import write_plots, write_report
 from anhyst.reports.figures import figure_differences, figure_residuals
 from anhyst.reports.figures_over_schedule import figure_between
-from anhyst.reports.page import headline, subject_of
+from anhyst.reports.page import gather_subject, make_headline
 from anhyst.reports.sections_model import section_gap_map
-from anhyst.reports.subject import ModelSubject, gather, own_figures
+from anhyst.reports.subject import ModelSubject, current_figures, gather_evidence
 from anhyst.support.figures import svg_text, write_png
 from anhyst.support.units import QUANTITIES, Quantity
 from tests.page import NAMESPACES, Page
@@ -95,7 +95,7 @@ def finished(model: Model, loops: Loops, left_out: Mapping[str, float] | None = 
     settings = {"gap_map_reason": "it predicts best", "read_history": "settled"}
     origin = Provenance("1.2.3", 7, sources, settings)
     model = replace(model, provenance=origin)
-    fit, _ = own_figures(model, gather(model, Path(loops.sources[0].path).parent))
+    fit, _ = current_figures(model, gather_evidence(model, Path(loops.sources[0].path).parent))
     assert fit is not None
     return replace(model, fit=replace(fit, left_out=left_out or {}))
 
@@ -146,7 +146,7 @@ def page(html: str) -> Page:
 @pytest.fixture(scope="module")
 def subject(folder: Path, html: str) -> ModelSubject:
     assert html
-    return subject_of(magnet(folder), folder)
+    return gather_subject(magnet(folder), folder)
 
 
 def test_sections_stand_in_the_order_an_engineer_reads(page: Page) -> None:
@@ -288,10 +288,10 @@ def test_measurements_that_have_changed_are_not_used(tmp_path: Path) -> None:
     model = magnet(tmp_path)
     with (tmp_path / "loops.csv").open("a") as stream:
         stream.write("# edited\n")
-    subject = subject_of(model, tmp_path)
+    subject = gather_subject(model, tmp_path)
     assert subject.evidence is None
-    assert "has changed since the model was identified" in subject.absent
-    assert "has changed" in str(headline(subject).notes)
+    assert "has changed since the model was identified" in subject.missing_reason
+    assert "has changed" in str(make_headline(subject).notes)
 
 
 @pytest.mark.slow
@@ -302,7 +302,7 @@ def test_a_model_that_fails_over_the_gap_says_so_loudly(tmp_path: Path) -> None:
     page = Page(text)
     assert "the output falls as the gap closes" in warnings[0]
     assert page.text.count("ACCEPTANCE TEST FAILED.") == 2  # in the head, and at the figure
-    first = headline(subject_of(model, tmp_path)).notes[0]
+    first = make_headline(gather_subject(model, tmp_path)).notes[0]
     assert first.tone == "bad"
     assert "FAILED at" in text
 
@@ -312,17 +312,20 @@ def test_a_gap_that_cannot_be_computed_is_marked(subject: ModelSubject) -> None:
     assert check is not None
     output = check.output.copy()
     output[5:] = np.nan
-    stuck = replace(check, output=output, fall=np.inf, gap=float(check.gaps[5]), trouble="no root")
+    stuck = replace(check, output=output, fall=np.inf, gap=float(check.gaps[5]), failure="no root")
     figure = figure_between(subject.model, stuck)
     assert figure is not None
     assert "cannot be computed" in svg_text(figure, "f")
-    assert "no root" in headline(replace(subject, acceptance=Acceptance(stuck, None))).notes[0].text
+    assert (
+        "no root"
+        in make_headline(replace(subject, acceptance=Acceptance(stuck, None))).notes[0].text
+    )
 
 
 def test_figures_of_an_edited_model_are_computed_again(subject: ModelSubject, folder: Path) -> None:
     model = subject.model
     edited = replace(model, parameters={**model.parameters, "c_out": 70.0})
-    fresh = subject_of(edited, folder)
+    fresh = gather_subject(edited, folder)
     assert "changed after the identification" in fresh.warnings[0]
     assert model.fit is not None
     assert fresh.fit is not None
@@ -334,10 +337,10 @@ def test_a_model_worse_than_a_curve_without_memory_says_so(
     subject: ModelSubject, folder: Path
 ) -> None:
     poor = replace(subject.model, parameters={**subject.model.parameters, "c_out": 90.0})
-    head = headline(subject_of(poor, folder))
+    head = make_headline(gather_subject(poor, folder))
     assert head.notes[0].tone == "bad"
     assert head.notes[0].title == "Worse than no hysteresis model"
-    assert head.tiles[-1].figure.endswith("times")
+    assert head.tiles[-1].value.endswith("times")
 
 
 @pytest.mark.parametrize(
@@ -348,13 +351,13 @@ def test_the_verdict_is_that_of_the_measurement(
 ) -> None:
     assert subject.evidence is not None
     judged = replace(subject.evidence.verdict, level=level)
-    reported = headline(replace(subject, evidence=replace(subject.evidence, verdict=judged))).notes[
-        0
-    ]
+    reported = make_headline(
+        replace(subject, evidence=replace(subject.evidence, verdict=judged))
+    ).notes[0]
     assert reported.title == title
     assert reported.tone == ("good" if level == "yes" else "warn")
     assert "% of that error away" in reported.text.replace("\xa0", " ")
-    assert (WHERE_IT_PAYS in reported.text) == (level != "yes")
+    assert (GAIN_ADVICE in reported.text) == (level != "yes")
 
 
 @pytest.mark.slow
@@ -362,7 +365,7 @@ def test_a_model_that_cannot_be_run_over_its_loops_is_still_reported(
     subject: ModelSubject, folder: Path
 ) -> None:
     eddy = replace(subject.model, parameters={**subject.model.parameters, "gamma": 1.0})
-    found = subject_of(eddy, folder)  # the file has no time column
+    found = gather_subject(eddy, folder)  # the file has no time column
     assert found.evidence is not None
     assert found.evidence.fitted == (None,) * 6
     assert "cannot be computed" in found.warnings[0]
@@ -384,7 +387,9 @@ def test_noise_is_reported_from_the_record_before_thinning(tmp_path: Path) -> No
     drive = np.concatenate([half, half[-2::-1]])
     output = model.predict(drive, history="settled").output
     rows = [f"{h!r},{b!r}" for h, b in zip(drive.tolist(), output.tolist(), strict=True)]
-    evidence = gather(finished(model, measured(tmp_path, ["H_A_per_m,B_T", *rows])), tmp_path)
+    evidence = gather_evidence(
+        finished(model, measured(tmp_path, ["H_A_per_m,B_T", *rows])), tmp_path
+    )
     assert evidence.inspection is not None
     assert evidence.inspection.loops[0].samples == 5199
     assert evidence.loops.loops[0].n <= 4000
@@ -430,5 +435,5 @@ def test_plots_are_written_as_pictures(subject: ModelSubject, tmp_path: Path) ->
 
 def test_fit_figures_of_a_perfect_model_do_not_divide_by_zero(subject: ModelSubject) -> None:
     none = FitFigures(0.0, 0.0, 0.0, 0.0)
-    head = headline(replace(subject, fit=none, evidence=None))
-    assert [tile.figure for tile in head.tiles] == ["0\xa0N"] * 3
+    head = make_headline(replace(subject, fit=none, evidence=None))
+    assert [tile.value for tile in head.tiles] == ["0\xa0N"] * 3

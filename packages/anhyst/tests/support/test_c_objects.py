@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.support.atomic import cache_folder
-from anhyst.support.kept import compile_and_link
+from anhyst.support.cache import compile_and_link
 
 pytestmark = pytest.mark.needs("gcc")
 

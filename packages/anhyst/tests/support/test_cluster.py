@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.support.jobs import all_of, each, workers_of
+from anhyst.support.jobs import map_ordered, map_unordered, use_scheduler
 from tests.refusals import refused
 from tests.repository import ROOT
 
@@ -75,8 +75,8 @@ def test_a_lost_worker_loses_no_work_and_what_tasks_share_travels_once(
     address, workers = cluster
     seen: dict[int, tuple[int, int, int]] = {}
     told: list[tuple[float, float]] = []
-    with workers_of(address):
-        for place, result in each(
+    with use_scheduler(address):
+        for place, result in map_unordered(
             partial(slowly, Shared()), range(24), lambda *at: told.append(at)
         ):
             seen[place] = result
@@ -94,8 +94,8 @@ def test_a_lost_worker_loses_no_work_and_what_tasks_share_travels_once(
 def test_a_fault_of_the_work_comes_back(
     cluster: tuple[str, list[subprocess.Popen[bytes]]],
 ) -> None:
-    with workers_of(cluster[0]), pytest.raises(ZeroDivisionError):
-        all_of(one_over, [1, 0])
+    with use_scheduler(cluster[0]), pytest.raises(ZeroDivisionError):
+        map_ordered(one_over, [1, 0])
 
 
 def one_over(number: int) -> float:
@@ -103,9 +103,9 @@ def one_over(number: int) -> float:
 
 
 def test_a_scheduler_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("anhyst.support.jobs.PATIENCE_S", 0.3)
+    monkeypatch.setattr("anhyst.support.jobs.SCHEDULER_TIMEOUT_S", 0.3)
     with refused("no-scheduler: 127.0.0.1; :1:"):  # noqa: SIM117
-        with workers_of("tcp://127.0.0.1:1"):
+        with use_scheduler("tcp://127.0.0.1:1"):
             pass
-    with workers_of(None):
-        assert all_of(one_over, [1, 2], jobs=1) == [1.0, 0.5]
+    with use_scheduler(None):
+        assert map_ordered(one_over, [1, 2], jobs=1) == [1.0, 0.5]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from anhyst.support.numeric import passed, power, sine, spaced, triangle
+from anhyst.support.numeric import first_order_share, geometric_spacing, power, sine, triangle_wave
 
 
 def test_a_sine_in_turns_is_that_of_the_angle() -> None:
@@ -19,15 +19,15 @@ def test_a_sine_in_turns_is_that_of_the_angle() -> None:
 
 def test_a_low_pass_passes_what_the_exponential_leaves() -> None:
     times = np.logspace(-18.0, 3.0, 500)
-    found = [passed(one) for one in times.tolist()]
+    found = [first_order_share(one) for one in times.tolist()]
     assert found == pytest.approx((-np.expm1(-times)).tolist(), rel=2e-15)
-    assert (passed(0.0), passed(math.inf)) == (0.0, 1.0)
+    assert (first_order_share(0.0), first_order_share(math.inf)) == (0.0, 1.0)
 
 
 def test_powers_and_equal_ratios_agree_with_the_library() -> None:
     base = np.linspace(0.01, 5.0, 200)
     assert power(base, 1.0 / 3.0) == pytest.approx(np.cbrt(base), rel=1e-14)
-    found = spaced(10, 2000, 25)
+    found = geometric_spacing(10, 2000, 25)
     assert found == pytest.approx(np.geomspace(10.0, 2000.0, 25), rel=1e-14)
     assert (found[0], found[-1]) == (10.0, 2000.0)
 
@@ -35,4 +35,4 @@ def test_powers_and_equal_ratios_agree_with_the_library() -> None:
 def test_a_triangle_is_the_arc_sine_of_a_sine() -> None:
     turns = np.linspace(0.0, 2.0, 401)
     expected = 2.0 / np.pi * np.arcsin(np.sin(2.0 * np.pi * turns))
-    assert triangle(turns) == pytest.approx(expected, abs=1e-7)
+    assert triangle_wave(turns) == pytest.approx(expected, abs=1e-7)

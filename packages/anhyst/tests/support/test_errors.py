@@ -17,6 +17,6 @@ def test_an_error_comes_back_from_another_process_as_it_was() -> None:
 
 
 def test_an_error_is_the_same_at_its_place() -> None:
-    found = NegativeResult("no", code="drifted", key="k").at("run.csv")
+    found = NegativeResult("no", code="drifted", key="k").with_location("run.csv")
     assert type(found) is NegativeResult
     assert (str(found), found.code, found.key) == ("run.csv: no", "drifted", "k")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.support.atomic import json_text, seen_from, whole_folder, write_files
+from anhyst.support.atomic import atomic_folder, json_text, relative_path, write_files
 from tests.refusals import refused
 
 OLD = {"kept.txt": "old", "sub/other.txt": "old"}
@@ -23,14 +23,14 @@ def test_what_is_done_appears_in_its_place(
     tmp_path: Path, replace: bool, expected: dict[str, str]
 ) -> None:
     write_files(tmp_path / "out", OLD)
-    with whole_folder(tmp_path / "out", replace=replace) as draft:
+    with atomic_folder(tmp_path / "out", replace=replace) as draft:
         write_files(draft, NEW)
         assert contents(tmp_path / "out").items() >= OLD.items(), "nothing moves before the end"
     assert contents(tmp_path) == {f"out/{name}": text for name, text in expected.items()}
 
 
 def interrupted(out: Path, replace: bool) -> None:
-    with whole_folder(out, replace=replace) as draft:
+    with atomic_folder(out, replace=replace) as draft:
         write_files(draft, NEW)
         raise KeyboardInterrupt
 
@@ -54,7 +54,7 @@ def test_files_that_were_moved_already_go_again_where_a_later_one_cannot(tmp_pat
     write_files(tmp_path / "out", {"z/in_the_way": "a file below a folder of that name"})
     with (
         refused("cannot-be-written EISDIR"),
-        whole_folder(tmp_path / "out") as draft,
+        atomic_folder(tmp_path / "out") as draft,
     ):
         write_files(draft, {"a/first.txt": "new", "z": "a file of the same name as a folder"})
     assert list(contents(tmp_path / "out")) == ["z/in_the_way"]
@@ -65,7 +65,7 @@ def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("a file")
     with (
         refused("is-a-file"),
-        whole_folder(tmp_path / "out"),
+        atomic_folder(tmp_path / "out"),
     ):
         pass
 
@@ -85,6 +85,6 @@ def test_a_file_is_named_as_the_system_finds_it_from_a_folder_behind_a_link(
     far.mkdir(parents=True)
     link = tmp_path / "rig" / "tuned"
     link.symlink_to(far)
-    named = seen_from(link, tmp_path / "rig" / "loops.csv")
+    named = relative_path(link, tmp_path / "rig" / "loops.csv")
     assert (link / named).read_text() == "measured"
-    assert seen_from(tmp_path / "rig", tmp_path / "rig" / "loops.csv") == "loops.csv"
+    assert relative_path(tmp_path / "rig", tmp_path / "rig" / "loops.csv") == "loops.csv"

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.support import kept as module
+from anhyst.support import cache as module
 from anhyst.support.atomic import cache_folder
-from anhyst.support.kept import kept
+from anhyst.support.cache import cached_result
 from anhyst.support.numeric import FloatArray
 
 
@@ -48,58 +48,58 @@ def compute() -> str:
 
 
 def test_equal_inputs_are_computed_once() -> None:
-    assert kept("words", lambda: "first", HERE, 1) == "first"
+    assert cached_result("words", lambda: "first", HERE, 1) == "first"
     again = Given(HERE.values.copy(), dict(HERE.names))
-    assert kept("words", compute, again, 1) == "first"
+    assert cached_result("words", compute, again, 1) == "first"
 
 
 @pytest.mark.parametrize("other", OTHERS)
 def test_the_last_bit_of_an_input_counts_and_its_shape_its_type_and_its_names(other: Given) -> None:
-    kept("words", lambda: "first", HERE)
+    cached_result("words", lambda: "first", HERE)
     with pytest.raises(Computed):
-        kept("words", compute, other)
+        cached_result("words", compute, other)
 
 
 def test_the_order_and_nesting_of_inputs_count() -> None:
-    kept("words", lambda: "first", (1, 2), 3)
+    cached_result("words", lambda: "first", (1, 2), 3)
     for other in (((1,), 2, 3), ((1, 2, 3),), (3, (1, 2)), ((1, 2), 3.0)):
         with pytest.raises(Computed):
-            kept("words", compute, *other)
+            cached_result("words", compute, *other)
 
 
 def test_other_sources_and_another_kind_are_other_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
-    kept("words", lambda: "first", HERE)
+    cached_result("words", lambda: "first", HERE)
     with pytest.raises(Computed):
-        kept("others", compute, HERE)
-    monkeypatch.setattr(module, "computed_with", lambda: b"other sources")
+        cached_result("others", compute, HERE)
+    monkeypatch.setattr(module, "code_digest", lambda: b"other sources")
     with pytest.raises(Computed):
-        kept("words", compute, HERE)
+        cached_result("words", compute, HERE)
 
 
 def test_half_a_file_is_computed_anew() -> None:
-    kept("words", lambda: "first", HERE)
+    cached_result("words", lambda: "first", HERE)
     (place,) = cache_folder("words").iterdir()
     place.write_bytes(place.read_bytes()[:-3])
-    assert kept("words", lambda: "second", HERE) == "second"
-    assert kept("words", compute, HERE) == "second"
+    assert cached_result("words", lambda: "second", HERE) == "second"
+    assert cached_result("words", compute, HERE) == "second"
 
 
 @pytest.mark.parametrize("place_of_bit", [0, 40, -8, -2])
 def test_a_bit_that_fell_over_is_never_a_result(place_of_bit: int) -> None:
-    kept("numbers", lambda: [0.5, {"gap": 0.25}], HERE)
+    cached_result("numbers", lambda: [0.5, {"gap": 0.25}], HERE)
     (place,) = cache_folder("numbers").iterdir()
     content = bytearray(place.read_bytes())
     content[place_of_bit] ^= 1
     place.write_bytes(bytes(content))
-    assert kept("numbers", lambda: "anew", HERE) == "anew"
+    assert cached_result("numbers", lambda: "anew", HERE) == "anew"
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="files have no owner here")
 def test_what_others_may_put_there_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    kept("words", lambda: "first", HERE)
+    cached_result("words", lambda: "first", HERE)
     monkeypatch.setattr(os, "getuid", lambda: -1)
     with pytest.raises(Computed):
-        kept("words", compute, HERE)
+        cached_result("words", compute, HERE)
 
 
 def test_who_has_no_home_computes_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,22 +108,22 @@ def test_who_has_no_home_computes_each_time(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setattr(Path, "home", homeless)
-    assert kept("words", lambda: "first", HERE) == "first"
-    assert kept("words", lambda: "second", HERE) == "second"
+    assert cached_result("words", lambda: "first", HERE) == "first"
+    assert cached_result("words", lambda: "second", HERE) == "second"
 
 
 def test_without_a_place_it_is_computed_each_time(tmp_path: Path) -> None:
     (tmp_path / "cache").write_text("no folder")
-    assert kept("words", lambda: "first", HERE) == "first"
-    assert kept("words", lambda: "second", HERE) == "second"
+    assert cached_result("words", lambda: "first", HERE) == "first"
+    assert cached_result("words", lambda: "second", HERE) == "second"
 
 
 def test_nobody_else_can_write_there_and_what_was_used_last_stays(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(module, "MOST", 3)
+    monkeypatch.setattr(module, "MAX_CACHED_RESULTS", 3)
     for number in range(5):
-        kept("numbers", lambda number=number: number, number)  # type: ignore[misc]
+        cached_result("numbers", lambda number=number: number, number)  # type: ignore[misc]
     folder = cache_folder("numbers")
     assert folder.stat().st_mode & 0o077 == 0
     assert len(list(folder.iterdir())) == 3
@@ -131,4 +131,4 @@ def test_nobody_else_can_write_there_and_what_was_used_last_stays(
 
 def test_what_has_no_contents_to_compare_is_refused() -> None:
     with pytest.raises(TypeError):
-        kept("words", compute, object())
+        cached_result("words", compute, object())

@@ -9,12 +9,12 @@ import pytest
 
 from anhyst.support import page
 from anhyst.support.page import (
-    number,
-    percent,
-    scale_for,
-    scale_of,
-    with_deviation,
-    written,
+    choose_scale,
+    format_deviation,
+    format_number,
+    format_percent,
+    quantity_scale,
+    typeset,
 )
 from anhyst.support.units import QUANTITIES
 
@@ -38,7 +38,7 @@ def test_examples_in_the_docstrings_hold() -> None:
     ],
 )
 def test_numbers_keep_their_significant_digits(value: float, text: str) -> None:
-    assert number(value) == text
+    assert format_number(value) == text
 
 
 @pytest.mark.parametrize(
@@ -56,25 +56,25 @@ def test_numbers_keep_their_significant_digits(value: float, text: str) -> None:
     ],
 )
 def test_units_fit_the_size_of_the_value(unit: str, value: float, text: str) -> None:
-    assert scale_of(unit, [value]).show(value, short=True) == text
+    assert choose_scale(unit, [value]).format_with_unit(value, short=True) == text
 
 
 def test_displacements_are_reported_in_micrometres_and_gaps_in_millimetres() -> None:
-    assert scale_for(QUANTITIES["displacement"], [123e-6]).unit == "µm"
-    assert scale_for(QUANTITIES["gap"], [123e-6]).unit == "mm"
+    assert quantity_scale(QUANTITIES["displacement"], [123e-6]).unit == "µm"
+    assert quantity_scale(QUANTITIES["gap"], [123e-6]).unit == "mm"
 
 
 def test_what_is_not_reported_is_a_dash() -> None:
-    assert scale_of("N", [None]).show(None) == "–"
-    assert percent(None) == "–"
+    assert choose_scale("N", [None]).format_with_unit(None) == "–"
+    assert format_percent(None) == "–"
 
 
 def test_an_estimate_has_no_more_digits_than_its_deviation() -> None:
-    assert with_deviation(21557.4, 9284.0) == "21557 ± 9284"
-    assert with_deviation(-0.00123456, 0.000021) == "−0.001235 ± 0.000021"
-    assert with_deviation(-0.0001, 0.011) == "0.000 ± 0.011"
-    assert with_deviation(2.0, math.nan) == "2.00 ± –"
+    assert format_deviation(21557.4, 9284.0) == "21557 ± 9284"
+    assert format_deviation(-0.00123456, 0.000021) == "−0.001235 ± 0.000021"
+    assert format_deviation(-0.0001, 0.011) == "0.000 ± 0.011"
+    assert format_deviation(2.0, math.nan) == "2.00 ± –"
 
 
 def test_texts_of_the_model_file_are_set_for_reading() -> None:
-    assert written("(w*M_s)/a at temperature -5 °C") == "(w·M_s)/a at temperature −5\xa0°C"
+    assert typeset("(w*M_s)/a at temperature -5 °C") == "(w·M_s)/a at temperature −5\xa0°C"

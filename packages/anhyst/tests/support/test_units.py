@@ -7,7 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from anhyst.support.units import QUANTITIES, UNITS, join_header, parse_header, split_header, unit_of
+from anhyst.support.units import (
+    QUANTITIES,
+    UNITS,
+    join_header,
+    parse_header,
+    require_unit,
+    split_header,
+)
 from tests.refusals import refused
 
 
@@ -126,7 +133,7 @@ def test_unknown_unit_is_named(text: str) -> None:
 
 def test_near_unit_is_suggested() -> None:
     with refused("unknown-unit: 'kA/n'; kA/m"):
-        unit_of("kA/n")
+        require_unit("kA/n")
 
 
 def test_unit_of_another_kind_is_a_problem() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.verification.targets import SANITIZE
+from anhyst.verification.targets import SANITIZE_FLAGS
 from tests.repository import ROOT
 
 from .conftest import Compile
@@ -30,7 +30,7 @@ WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 @pytest.mark.parametrize("kind", ["cells", "full", "simplified", "solid"])
 @pytest.mark.parametrize(
     ("flags", "ticks"),
-    [(SANITIZE, 100_000), pytest.param(("-O2",), 10_000_000, marks=pytest.mark.campaign)],
+    [(SANITIZE_FLAGS, 100_000), pytest.param(("-O2",), 10_000_000, marks=pytest.mark.campaign)],
 )
 def test_neither_time_nor_a_bit_that_turns_leads_astray(
     compiled: Compile, tmp_path: Path, kind: str, flags: tuple[str, ...], ticks: int

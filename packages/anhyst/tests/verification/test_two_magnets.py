@@ -12,8 +12,8 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.compilation.toolchain import Build, compile_cortex_m
 from anhyst.model.writer import write_model
-from anhyst.verification.compare import HARNESS
-from anhyst.verification.elf import FLASH, read_image
+from anhyst.verification.compare import HARNESS_FOLDER
+from anhyst.verification.elf import FLASH_ADDRESS, read_image
 from tests.actuators import magnet
 from tests.compilation.test_compile import measured
 from tests.core.test_c_core import tool
@@ -96,17 +96,17 @@ def test_an_emulated_cortex_m4_gives_the_same(folders: Path, tmp_path: Path, por
     sources = [tmp_path / file for file in core if file.endswith(".c")]
     sources += [folders / name / f"{name}_parameters.c" for name in ("electromagnet", "solenoid")]
     sources += [EXAMPLE / "magnets.c", Path(__file__).with_name("two_magnets_board.c")]
-    include = [tmp_path, tmp_path / "include", tmp_path / "port", EXAMPLE, HARNESS]
+    include = [tmp_path, tmp_path / "include", tmp_path / "port", EXAMPLE, HARNESS_FOLDER]
     include += [folders / "electromagnet", folders / "solenoid"]
     defines = {"ANHYST_PORT_HEADER": '"anhyst_port_cortex_m4.h"'} if port else {}
     build = Build((*sources,), (*include,), defines, ("-O2",))
     program = tmp_path / "both.elf"
-    assert compile_cortex_m("cortex_m4", build, HARNESS / "cortex_m.ld", program) == 0
+    assert compile_cortex_m("cortex_m4", build, HARNESS_FOLDER / "cortex_m.ld", program) == 0
 
     image = read_image(program)
     cpu = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
     cpu.ctl_set_cpu_model(unicorn.arm_const.UC_CPU_ARM_CORTEX_M4)
-    cpu.mem_map(FLASH, 256 * 1024)
+    cpu.mem_map(FLASH_ADDRESS, 256 * 1024)
     cpu.mem_map(RAM, 64 * 1024)
     for address, content in image.segments:
         cpu.mem_write(address, content)

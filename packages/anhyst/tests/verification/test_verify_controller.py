@@ -13,11 +13,11 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.verification import TargetResult, verify
 from anhyst.verification.bundle import read_bundle
-from anhyst.verification.compare import Workshop
-from anhyst.verification.protocol import CONTROLLER, RANDOM, START
+from anhyst.verification.compare import BuildFolder
+from anhyst.verification.protocol import CONTROLLER_RECORD, RANDOM, START
 from anhyst.verification.protocol import Request as Asked
 from anhyst.verification.result import Verification
-from anhyst.verification.targets import reference
+from anhyst.verification.targets import build_reference
 from tests.once import made_once
 from tests.refusals import says
 from tests.repository import ROOT
@@ -91,9 +91,11 @@ def test_a_dsc_is_estimated_for_the_tick_too(folder: Path) -> None:
 
 
 def test_random_steps_lift_land_and_rest(folder: Path, tmp_path: Path) -> None:
-    program = reference(Workshop.set_up(read_bundle(folder), tmp_path / "w", "controller")).program
+    program = build_reference(
+        BuildFolder.create(read_bundle(folder), tmp_path / "w", "controller")
+    ).program
     reply = program.run([Asked(START), Asked(RANDOM, steps=10_000)])[-1]
-    counts = dict(zip(CONTROLLER.sections, (s.count for s in reply.sections), strict=True))
+    counts = dict(zip(CONTROLLER_RECORD.sections, (s.count for s in reply.sections), strict=True))
     assert counts["tick"] == 10_000
     assert min(counts[name] for name in TICKS) > 200
 

@@ -10,9 +10,9 @@ import pytest
 from anhyst.cli.app import main
 from anhyst.verification import TargetResult, verify
 from anhyst.verification.bundle import read_bundle
-from anhyst.verification.compare import Workshop
-from anhyst.verification.protocol import COMPENSATOR, RANDOM, START, Request
-from anhyst.verification.targets import reference
+from anhyst.verification.compare import BuildFolder
+from anhyst.verification.protocol import COMPENSATOR_RECORD, RANDOM, START, Request
+from anhyst.verification.targets import build_reference
 from tests.refusals import says
 from tests.verification.conftest import Compile, Seed
 
@@ -76,11 +76,11 @@ def test_a_fault_on_the_target_is_found(with_fault: Seed, fault: str) -> None:
 
 def demand_at(folder: Path, step: int, scratch: Path) -> int:
     """Ask the host which demand the generator gives at a step."""
-    program = reference(Workshop.set_up(read_bundle(folder), scratch)).program
+    program = build_reference(BuildFolder.create(read_bundle(folder), scratch)).program
     reply = program.run(
         [Request(START, seed=1), Request(RANDOM, steps=step + 1, window_first=step)]
     )[-1]
-    word = int(reply.window[0, COMPENSATOR.record.index("demand")])
+    word = int(reply.window[0, COMPENSATOR_RECORD.record.index("demand")])
     return word - (1 << 32) if word >> 31 else word
 
 
@@ -141,7 +141,7 @@ def test_an_access_to_nowhere_is_reported(with_fault: Seed) -> None:
 def test_a_program_that_does_not_end_is_stopped_and_reported(
     with_fault: Seed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("anhyst.verification.emulators.TIME_LIMIT", 0.5)
+    monkeypatch.setattr("anhyst.verification.emulators.TIME_LIMIT_S", 0.5)
     wrong = f"{SOLVE}#ifdef __thumb__\n  for (volatile int on = 1; on;) {{\n  }}\n#endif\n"
     folder = with_fault("src/compensator/compensator.c", SOLVE, wrong)
     result = only(verify(folder, "cortex-m3", target_steps=100).results)

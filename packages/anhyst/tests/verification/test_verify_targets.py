@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 from anhyst.verification import TargetResult, verify
-from anhyst.verification.protocol import COMPENSATOR
+from anhyst.verification.protocol import COMPENSATOR_RECORD
 from anhyst.verification.result import Verification
 from tests.verification.conftest import Compile
 
 needs_avr = pytest.mark.needs("avr-gcc", "cc", "/usr/include/simavr/sim_avr.h")
 
 KINDS = [("full", "q31"), ("cells", "q31"), ("simplified", "q15")]
-PARTS = list(COMPENSATOR.sections[1:])
+PARTS = list(COMPENSATOR_RECORD.sections[1:])
 
 
 def agrees(found: Verification) -> Verification:

@@ -94,10 +94,10 @@ def export(
 
     anhyst export model.toml --as lut --out magnet.csv
     """
-    from anhyst.model.actuator import model_from
+    from anhyst.model.actuator import resolve_model
     from anhyst.support.atomic import check_path
     from anhyst_exchange.exporter import (
-        PLATFORMS_ALL,
+        PLATFORM_NAMES,
         Exported,
         export_fmu,
         export_sfunction,
@@ -106,11 +106,11 @@ def export(
 
     check_path(out, "export: out")
     if as_ == "lut":
-        path = export_tables(model_from(model, "export"), out)
+        path = export_tables(resolve_model(model, "export"), out)
     elif as_ == "simulink":
         path = export_sfunction(model, out, of=of, rate=rate, kind=kind)
     else:
-        names = PLATFORMS_ALL if platforms is None else platforms
+        names = PLATFORM_NAMES if platforms is None else platforms
         path = export_fmu(
             model, out, of=of, rate=rate, kind=kind, fmi=fmi, platforms=names, progress=progress
         )

@@ -21,16 +21,16 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-PORT = 8642
+DEFAULT_PORT = 8642
 
-POLICY = (
+CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """What the page may load: its own files, no inline script or style, nothing from elsewhere."""
 
-_HEADERS = (
-    (b"content-security-policy", POLICY.encode()),
+_SECURITY_HEADERS = (
+    (b"content-security-policy", CONTENT_SECURITY_POLICY.encode()),
     (b"x-content-type-options", b"nosniff"),
     (b"referrer-policy", b"no-referrer"),
     (b"cross-origin-opener-policy", b"same-origin"),
@@ -48,7 +48,7 @@ def read_address(text: str, token: bool) -> tuple[str, int]:
         number = int(port)
     except ValueError:
         raise InputError(
-            f"--listen {text}: is no address; give it in digits, such as 127.0.0.1:{PORT}",
+            f"--listen {text}: is no address; give it in digits, such as 127.0.0.1:{DEFAULT_PORT}",
             code="bad-address",
             key="--listen",
         ) from None
@@ -73,7 +73,7 @@ def read_address(text: str, token: bool) -> tuple[str, int]:
     return str(address), number
 
 
-def names_of(host: str, port: int) -> frozenset[str]:
+def allowed_host_names(host: str, port: int) -> frozenset[str]:
     """Return what a browser may call the server, as in the header ``Host``."""
     shown = f"[{host}]" if ":" in host else host
     names = {shown}
@@ -82,7 +82,7 @@ def names_of(host: str, port: int) -> frozenset[str]:
     return frozenset(f"{name}:{port}" for name in names)
 
 
-class Guard:
+class RequestGuard:
     """Refuses requests that another site caused, and says what the page may load.
 
     A name that leads to this machine by somebody else's name server is not among the names; a
@@ -91,42 +91,44 @@ class Guard:
 
     def __init__(self, app: ASGIApp, names: frozenset[str]) -> None:
         self._app = app
-        self._names = names
+        self._host_names = names
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or refuse it."""
-        if not self._welcome(scope):
-            await _refuse(scope, receive, send)
+        if not self._is_allowed(scope):
+            await _reject_request(scope, receive, send)
         else:
-            await self._app(scope, receive, _with_headers(send))
+            await self._app(scope, receive, _add_security_headers(send))
 
-    def _welcome(self, scope: Scope) -> bool:
+    def _is_allowed(self, scope: Scope) -> bool:
         hosts = _header(scope, b"host")
         origins = _header(scope, b"origin")
-        if len(hosts) != 1 or hosts[0] not in self._names:
+        if len(hosts) != 1 or hosts[0] not in self._host_names:
             return False
         if not origins:
             return bool(scope["type"] == "http")
         return origins == [f"http://{hosts[0]}"]
 
 
-class Allowance:
+class MessageRateLimit:
     """So many messages a second, and a few at once."""
 
     def __init__(self, rate: float, most: int) -> None:
-        self._rate = rate
-        self._most = float(most)
-        self._left = float(most)
-        self._then = time.monotonic()
+        self._rate_Hz = rate
+        self._max_burst = float(most)
+        self._available = float(most)
+        self._last_time_s = time.monotonic()
 
-    def take(self) -> bool:
+    def try_take(self) -> bool:
         """Use one message of the allowance; whether there was one."""
         now = time.monotonic()
-        self._left = min(self._most, self._left + self._rate * (now - self._then))
-        self._then = now
-        if self._left < 1.0:
+        self._available = min(
+            self._max_burst, self._available + self._rate_Hz * (now - self._last_time_s)
+        )
+        self._last_time_s = now
+        if self._available < 1.0:
             return False
-        self._left -= 1.0
+        self._available -= 1.0
         return True
 
 
@@ -134,50 +136,50 @@ def _header(scope: Scope, name: bytes) -> list[str]:
     return [value.decode("latin-1") for key, value in scope["headers"] if key == name]
 
 
-async def _refuse(scope: Scope, receive: Receive, send: Send) -> None:
+async def _reject_request(scope: Scope, receive: Receive, send: Send) -> None:
     """Close a WebSocket before it opens, which is a 403 too, or answer 403."""
     if scope["type"] == "websocket":
         await receive()
         await send({"type": "websocket.close", "code": 1008})
         return
-    head = [(b"content-type", b"text/plain; charset=utf-8"), *_HEADERS]
+    head = [(b"content-type", b"text/plain; charset=utf-8"), *_SECURITY_HEADERS]
     await send({"type": "http.response.start", "status": 403, "headers": head})
     await send({"type": "http.response.body", "body": b"another host or origin\n"})
 
 
-def _with_headers(send: Send) -> Send:
+def _add_security_headers(send: Send) -> Send:
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
-            message["headers"] = [*message["headers"], *_HEADERS]
+            message["headers"] = [*message["headers"], *_SECURITY_HEADERS]
         await send(message)
 
     return sending
 
 
-MOST = 4000
+MAX_FRAME_ROWS = 4000
 """Rows that wait for one page; more are thinned to half of it."""
 
-_RUNS = 64
+_MAX_QUEUED_RUNS = 64
 """Stretches without a missing tick that wait for one page; the oldest are let go."""
 
-_HEAD = struct.Struct("<IIdd")
-_TAIL = struct.Struct("<I")
+_FRAME_HEADER = struct.Struct("<IIdd")
+_RUN_HEADER = struct.Struct("<I")
 
 
-class Run(NamedTuple):
+class RowRun(NamedTuple):
     """Rows between whose ticks none is missing."""
 
-    first: int  # ticks that they cover
-    last: int
+    first_tick: int  # ticks that they cover
+    last_tick: int
     rows: FloatArray  # column 0 is the tick; shape (n, 1 + signals)
-    thinned: bool  # whether rows are the smallest and largest values of stretches
+    is_thinned: bool  # whether rows are the smallest and largest values of stretches
 
 
-def thin(rows: FloatArray, most: int) -> FloatArray:
+def thin_to_extremes(rows: FloatArray, max_rows: int) -> FloatArray:
     """Return the smallest and the largest of every column, stretch by stretch."""
-    if len(rows) <= most:
+    if len(rows) <= max_rows:
         return rows
-    stretch = -(-len(rows) // (most // 2))
+    stretch = -(-len(rows) // (max_rows // 2))
     begins = np.arange(0, len(rows), stretch)
     pairs = np.empty((2 * len(begins), rows.shape[1]))
     np.fmin.reduceat(rows, begins, out=pairs[0::2])
@@ -185,22 +187,22 @@ def thin(rows: FloatArray, most: int) -> FloatArray:
     return pairs
 
 
-def encode(run: Run) -> bytes:
+def encode_frame(run: RowRun) -> bytes:
     """Return the frame of a run."""
     rows = run.rows
-    head = _HEAD.pack(len(rows), rows.shape[1] - 1, run.first, run.last)
+    head = _FRAME_HEADER.pack(len(rows), rows.shape[1] - 1, run.first_tick, run.last_tick)
     ticks = rows[:, 0].astype("<f8").tobytes()
     data = np.ascontiguousarray(rows[:, 1:].T, dtype="<f4").tobytes()
-    return head + ticks + data + _TAIL.pack(run.thinned)
+    return head + ticks + data + _RUN_HEADER.pack(run.is_thinned)
 
 
-class Outbox:
+class RowQueue:
     """What waits for one page: bounded, and whoever puts rows in never waits."""
 
-    def __init__(self, most: int = MOST, every: int = 1) -> None:
-        self._most = most
-        self._every = every
-        self._runs: deque[Run] = deque()
+    def __init__(self, most: int = MAX_FRAME_ROWS, every: int = 1) -> None:
+        self._max_rows = most
+        self._tick_step = every
+        self._runs: deque[RowRun] = deque()
         self._lock = threading.Lock()
 
     @property
@@ -212,29 +214,29 @@ class Outbox:
         """Add rows; thin what waits where it has become too much."""
         if not len(rows):
             return
-        breaks = np.flatnonzero(np.diff(rows[:, 0]) != self._every) + 1
+        breaks = np.flatnonzero(np.diff(rows[:, 0]) != self._tick_step) + 1
         with self._lock:
             for part in np.split(rows, breaks):
-                self._append(Run(int(part[0, 0]), int(part[-1, 0]), part, False))
-            if self.waiting > self._most:
-                kept = list(self._runs)[-_RUNS:]
-                share = max(2, self._most // (2 * len(kept)))
-                self._runs = deque(_thinned(run, share) for run in kept)
+                self._append(RowRun(int(part[0, 0]), int(part[-1, 0]), part, False))
+            if self.waiting > self._max_rows:
+                kept = list(self._runs)[-_MAX_QUEUED_RUNS:]
+                share = max(2, self._max_rows // (2 * len(kept)))
+                self._runs = deque(_thin_run(run, share) for run in kept)
 
-    def take(self) -> list[Run]:
+    def take_all(self) -> list[RowRun]:
         """Return all that waits, and forget it."""
         with self._lock:
             runs, self._runs = list(self._runs), deque()
         return runs
 
-    def _append(self, new: Run) -> None:
-        if self._runs and self._runs[-1].last + self._every == new.first:
+    def _append(self, new: RowRun) -> None:
+        if self._runs and self._runs[-1].last_tick + self._tick_step == new.first_tick:
             old = self._runs.pop()
             rows = np.concatenate((old.rows, new.rows))
-            new = Run(old.first, new.last, rows, old.thinned)
+            new = RowRun(old.first_tick, new.last_tick, rows, old.is_thinned)
         self._runs.append(new)
 
 
-def _thinned(run: Run, most: int) -> Run:
-    rows = thin(run.rows, most)
-    return run._replace(rows=rows, thinned=run.thinned or rows is not run.rows)
+def _thin_run(run: RowRun, max_rows: int) -> RowRun:
+    rows = thin_to_extremes(run.rows, max_rows)
+    return run._replace(rows=rows, is_thinned=run.is_thinned or rows is not run.rows)

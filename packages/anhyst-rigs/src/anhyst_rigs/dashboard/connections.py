@@ -28,7 +28,7 @@ MAX_WAITING = 32
 """Connections that may wait for longer than that at a time; a browser opens six."""
 
 
-def server_of(app: ASGIApp, **options: Any) -> uvicorn.Server:
+def make_quiet_server(app: ASGIApp, **options: Any) -> uvicorn.Server:
     """Return a server that says nothing of itself, on the terminal or to browsers."""
     config = uvicorn.Config(
         app,
@@ -61,7 +61,7 @@ class Connection(H11Protocol):
         """Begin to wait for the first request."""
         super().connection_made(transport)
         self._follow_request()
-        self._make_room()
+        self._close_oldest_waiting()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop waiting."""
@@ -91,16 +91,16 @@ class Connection(H11Protocol):
             self._timer.cancel()
             self._timer = None
 
-    def _make_room(self) -> None:
+    def _close_oldest_waiting(self) -> None:
         """Close connections that have waited for long, if there are too many of them."""
-        everyone: set[Any] = self.connections
-        latest = self.loop.time() + MAX_WAIT_S - MIN_WAIT_S
+        connections: set[Any] = self.connections
+        latest_start = self.loop.time() + MAX_WAIT_S - MIN_WAIT_S
         waiting = {
-            one: until  # time of the event loop at which it is closed, s
-            for one in everyone
-            if isinstance(one, Connection)
-            and one._timer is not None
-            and (until := one._timer.when()) < latest
+            connection: until  # time of the event loop at which it is closed, s
+            for connection in connections
+            if isinstance(connection, Connection)
+            and connection._timer is not None
+            and (until := connection._timer.when()) < latest_start
         }
         while len(waiting) > MAX_WAITING:
             (host, _), *_ = Counter(one.host for one in waiting).most_common(1)

@@ -12,10 +12,10 @@ import numpy as np
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
-from anhyst.support.units import Unit, parse_header, unit_of
+from anhyst.support.units import Unit, parse_header, require_unit
 from anhyst_rigs.rig.bench.protocol import Bench, Parameter
 
-SHAPES: Mapping[str, Callable[[float], float]] = {
+WAVE_SHAPES: Mapping[str, Callable[[float], float]] = {
     "step": lambda part: 1.0 if part < 0.5 else -1.0,
     "triangle": lambda part: 1.0 - abs(4.0 * ((part + 0.25) % 1.0) - 2.0),
     "sine": lambda part: math.sin(2.0 * math.pi * part),
@@ -26,7 +26,7 @@ LOWEST_HZ, HIGHEST_HZ = 0.01, 50.0
 
 
 @dataclass(frozen=True, slots=True)
-class Generator:
+class PeriodicWave:
     """A shape around the target."""
 
     shape: str  # one of :data:`SHAPES`
@@ -37,9 +37,9 @@ class Generator:
     lasts: ClassVar[float] = math.inf
 
     def __post_init__(self) -> None:
-        if self.shape not in SHAPES:
+        if self.shape not in WAVE_SHAPES:
             raise InputError(
-                f"generator: no shape '{self.shape}'; take {', '.join(SHAPES)}",
+                f"generator: no shape '{self.shape}'; take {', '.join(WAVE_SHAPES)}",
                 code="unknown-shape",
                 key="shape",
             )
@@ -55,13 +55,13 @@ class Generator:
             )
 
     @property
-    def swing(self) -> tuple[float, float]:
+    def range(self) -> tuple[float, float]:
         """Smallest and largest of what it adds."""
         return -self.amplitude, self.amplitude
 
-    def at(self, tick: int, rate: float) -> float:
+    def value_at(self, tick: int, rate: float) -> float:
         """Return what is added to the target at a tick."""
-        return self.amplitude * SHAPES[self.shape](
+        return self.amplitude * WAVE_SHAPES[self.shape](
             ((tick - self.begin) * self.frequency / rate) % 1.0
         )
 
@@ -70,8 +70,8 @@ class Generator:
         return {"shape": self.shape, "amplitude": self.amplitude, "frequency": self.frequency}
 
 
-LONGEST_S = 3600.0
-_ROWS_LEAST = 2
+MAX_CHIRP_DURATION_S = 3600.0
+_MIN_TABLE_ROWS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,25 +96,25 @@ class Chirp:
                     code="out-of-range",
                     key="frequency",
                 )
-        if not 1.0 / min(self.low, self.high) <= self.lasts <= LONGEST_S:
+        if not 1.0 / min(self.low, self.high) <= self.lasts <= MAX_CHIRP_DURATION_S:
             raise InputError(
                 f"chirp: it lasts {self.lasts:g} s; choose at least a period of its slowest sine, "
-                f"{1.0 / min(self.low, self.high):g} s, and at most {LONGEST_S:g} s",
+                f"{1.0 / min(self.low, self.high):g} s, and at most {MAX_CHIRP_DURATION_S:g} s",
                 code="out-of-range",
                 key="lasts",
             )
 
     @property
-    def swing(self) -> tuple[float, float]:
+    def range(self) -> tuple[float, float]:
         """Smallest and largest of what it adds."""
         return -self.amplitude, self.amplitude
 
-    def at(self, tick: int, rate: float) -> float:
+    def value_at(self, tick: int, rate: float) -> float:
         """Return what is added to the target at a tick."""
         time = (tick - self.begin) / rate
         octaves = math.log(self.high / self.low) / self.lasts
-        turns = time if octaves == 0.0 else math.expm1(time * octaves) / octaves
-        return self.amplitude * math.sin(2.0 * math.pi * self.low * turns)
+        cycles = time if octaves == 0.0 else math.expm1(time * octaves) / octaves
+        return self.amplitude * math.sin(2.0 * math.pi * self.low * cycles)
 
     def as_dict(self) -> dict[str, float | str]:
         """Return what a page shows of it."""
@@ -141,11 +141,11 @@ class WaveTable:
         return float(self.times[-1])
 
     @property
-    def swing(self) -> tuple[float, float]:
+    def range(self) -> tuple[float, float]:
         """Smallest and largest of what it adds, m or N."""
         return float(self.values.min()), float(self.values.max())
 
-    def at(self, tick: int, rate: float) -> float:
+    def value_at(self, tick: int, rate: float) -> float:
         """Return what is added to the target at a tick."""
         return float(np.interp((tick - self.begin) / rate, self.times, self.values))
 
@@ -154,11 +154,11 @@ class WaveTable:
         return {"shape": "own CSV", "rows": float(len(self.times)), "lasts": self.lasts}
 
 
-Wave = Generator | Chirp | WaveTable
+Wave = PeriodicWave | Chirp | WaveTable
 """What is added to the target."""
 
 
-def read_table(text: str, unit: str, begin: int) -> WaveTable:
+def read_wave_table(text: str, unit: str, begin: int) -> WaveTable:
     """Read one's own wave: a header ``t_s,gap_um`` with units, then rows of two numbers."""
     lines = [
         (number, [cell.strip() for cell in line.split(",")])
@@ -170,10 +170,10 @@ def read_table(text: str, unit: str, begin: int) -> WaveTable:
             "own CSV: holds no line; begin it with a header such as t_s,gap_um", code="no-data"
         )
     number, header = lines[0]
-    units = _units(number, header, unit)
+    units = _read_header_units(number, header, unit)
     rows: list[tuple[float, float]] = []
     for number, cells in lines[1:]:
-        time, value = _row(number, cells, units)
+        time, value = _read_row(number, cells, units)
         last = rows[-1][0] if rows else -1.0
         if time <= last:
             raise InputError(
@@ -185,23 +185,23 @@ def read_table(text: str, unit: str, begin: int) -> WaveTable:
                 f"own CSV: line {number}: the time does not begin at 0", code="time-not-from-zero"
             )
         rows.append((time, value))
-    if len(rows) < _ROWS_LEAST or rows[-1][0] > LONGEST_S:
+    if len(rows) < _MIN_TABLE_ROWS or rows[-1][0] > MAX_CHIRP_DURATION_S:
         raise InputError(
-            f"own CSV: {len(rows)} rows; at least {_ROWS_LEAST} and at most {LONGEST_S:g} s are needed",
+            f"own CSV: {len(rows)} rows; at least {_MIN_TABLE_ROWS} and at most {MAX_CHIRP_DURATION_S:g} s are needed",
             code="rows-out-of-range",
         )
     table = np.array(rows)
     return WaveTable(table[:, 0], table[:, 1], begin)
 
 
-def _units(number: int, header: list[str], unit: str) -> tuple[Unit, Unit]:
+def _read_header_units(number: int, header: list[str], unit: str) -> tuple[Unit, Unit]:
     """Return the units of both columns."""
     units = [one for one in (parse_header(cell).unit for cell in header) if one is not None]
     if len(header) == len(units) == 2:
         time, value = units
-        if time.dimension == "time" and value.dimension == unit_of(unit).dimension:
+        if time.dimension == "time" and value.dimension == require_unit(unit).dimension:
             return time, value
-    kind = unit_of(unit).dimension
+    kind = require_unit(unit).dimension
     example = "gap_um" if unit == "m" else "F_N"
     raise InputError(
         f"own CSV: line {number}: no header of a time and a {kind} with their units, such as "
@@ -210,7 +210,7 @@ def _units(number: int, header: list[str], unit: str) -> tuple[Unit, Unit]:
     )
 
 
-def _row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float, float]:
+def _read_row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float, float]:
     if len(cells) != 2:
         raise InputError(
             f"own CSV: line {number}: {len(cells)} columns, not two", code="fields-missing"
@@ -231,7 +231,7 @@ def _row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float
     return row[0], row[1]
 
 
-_STRETCH_S = 0.001
+_CHUNK_S = 0.001
 """Between two targets of a generator, s of the bench."""
 
 
@@ -241,17 +241,21 @@ class DrivenBench(Bench):
     def __init__(
         self, bench: Bench, refused: Callable[[str], None], happened: Callable[[str], None]
     ) -> None:
-        self.rate, self.every, self.keeps_time = bench.rate, bench.every, bench.keeps_time
+        self.rate, self.ticks_per_row, self.has_own_clock = (
+            bench.rate,
+            bench.ticks_per_row,
+            bench.has_own_clock,
+        )
         self.signals, self.commands = bench.signals, bench.commands
-        self.aim, self.load_most = bench.aim, bench.load_most
+        self.demand_range, self.max_load = bench.demand_range, bench.max_load
         self.body = getattr(bench, "body", None)
-        self.target = bench.aim.value
-        self._refused = refused
-        self._happened = happened
-        self.pulled: float | None = None
+        self.target = bench.demand_range.value
+        self._on_refusal = refused
+        self._on_event = happened
+        self.load_N: float | None = None
         self.generator: Wave | None = None  # added to the target
         self._bench = bench
-        self._stretch = max(1, round(_STRETCH_S * bench.rate))
+        self._chunk_ticks = max(1, round(_CHUNK_S * bench.rate))
 
     @property
     def tick(self) -> int:
@@ -260,32 +264,32 @@ class DrivenBench(Bench):
 
     def advance(self, ticks: int) -> FloatArray:
         """Go on; a generator that runs sets the target every millisecond."""
-        parts, end = [], self.tick + ticks
+        chunks, end = [], self.tick + ticks
         while self.tick < end:
-            left = end - self.tick
+            remaining_ticks = end - self.tick
             if self.generator is not None:
-                self._follow(self.generator)
-                left = min(left, self._stretch)
-            parts.append(self._bench.advance(left))
-            for text in self._bench.news():
+                self._set_target(self.generator)
+                remaining_ticks = min(remaining_ticks, self._chunk_ticks)
+            chunks.append(self._bench.advance(remaining_ticks))
+            for text in self._bench.take_messages():
                 self.generator = None
-                self.target = self._bench.aim.value
-                self._happened(text)
-            self.lost = self._bench.lost
-            if self.lost:
+                self.target = self._bench.demand_range.value
+                self._on_event(text)
+            self.loss_reason = self._bench.loss_reason
+            if self.loss_reason:
                 break
-        return np.concatenate(parts)
+        return np.concatenate(chunks)
 
-    def _follow(self, generator: Wave) -> None:
+    def _set_target(self, generator: Wave) -> None:
         try:
             if self.tick + 1 - generator.begin > generator.lasts * self.rate:
                 self.generate(None)
-                self._refused("it is over")
+                self._on_refusal("it is over")
             else:
-                self._bench.demand(self.target + generator.at(self.tick + 1, self.rate))
+                self._bench.demand(self.target + generator.value_at(self.tick + 1, self.rate))
         except InputError as refused:
             self.generator = None
-            self._refused(str(refused))
+            self._on_refusal(str(refused))
 
     def generate(self, generator: Wave | None) -> None:
         """Start a generator around the target, or stop it and go back to the target."""
@@ -297,10 +301,10 @@ class DrivenBench(Bench):
         self.generator = generator
 
     def _check(self, target: float, generator: Wave) -> None:
-        aim, (least, most) = self.aim, generator.swing
-        if not aim.low <= target + least <= target + most <= aim.high:
+        aim, (lowest, highest) = self.demand_range, generator.range
+        if not aim.low <= target + lowest <= target + highest <= aim.high:
             raise InputError(
-                f"generator: {target + least:g} to {target + most:g} {aim.unit} is not within "
+                f"generator: {target + lowest:g} to {target + highest:g} {aim.unit} is not within "
                 f"{aim.low:g} to {aim.high:g} {aim.unit}; set a target in between, or take less",
                 code="out-of-range",
                 key="generator",
@@ -316,7 +320,7 @@ class DrivenBench(Bench):
     def load(self, force: float) -> None:
         """Command a force to the load drive, N."""
         self._bench.load(force)
-        self.pulled = force
+        self.load_N = force
 
     def command(self, command: Command) -> None:
         """Give a command. A stop ends the generator too, and a run of force begins at zero."""

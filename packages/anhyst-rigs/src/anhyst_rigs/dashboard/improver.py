@@ -16,45 +16,45 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-from anhyst.support.block_words import GENERATION_AT, regenerate
+from anhyst.support.block_words import GENERATION_INDEX, set_generation
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
 from anhyst_rigs.study.excite.on_board import DrivenBoard
 from anhyst_rigs.study.improve import (
-    LOOPS,
-    MODEL,
-    KnownModel,
+    LOOPS_FILE,
+    MODEL_FILE,
+    ModelWithLoops,
     compile_block,
+    excitation_limits,
     identify_model,
-    known_model,
-    limits_of,
+    make_model_with_loops,
     measure_loops,
-    read_known,
-    within,
+    read_identified_model,
+    tighten_limits,
 )
-from anhyst_rigs.study.prepared import Improvable, PreparedBoard
+from anhyst_rigs.study.prepared_benches import Improvable, PreparedBoard
 
 Work = Callable[..., Mapping[str, Any]]
 """Called with a :data:`anhyst.support.jobs.Progress` and what else was given; of a module."""
 
-Ended = Callable[[Mapping[str, Any] | str], None]
+OnEnd = Callable[[Mapping[str, Any] | str], None]
 """Called with the result, or with the reason why there is none."""
 
-_NICE = 10
+_PROCESS_NICENESS = 10
 """The bench goes before."""
 
 
-class Job:
+class ProcessJob:
     """A piece of work under way."""
 
-    def __init__(self, work: Work, *given: Any, ended: Ended) -> None:
+    def __init__(self, work: Work, *given: Any, ended: OnEnd) -> None:
         self.share = 0.0
-        self._ended = ended
+        self._on_end = ended
         self._cancelled = False
         context = get_context("spawn")
-        self._news, self._says = context.Pipe(duplex=False)
+        self._receiver, self._sender = context.Pipe(duplex=False)
         self._process = context.Process(
-            target=_run, args=(self._says, work, given), name="job", daemon=True
+            target=_run_in_process, args=(self._sender, work, given), name="job", daemon=True
         )
         self._started = threading.Event()
         self._thread = threading.Thread(target=self._listen, name="job", daemon=True)
@@ -69,42 +69,42 @@ class Job:
 
     def _listen(self) -> None:
         self._process.start()  # takes a while, for which whoever asked does not wait
-        self._says.close()
+        self._sender.close()
         self._started.set()
         outcome: Mapping[str, Any] | str = "the work ended without a result; see the terminal"
         try:
             while True:
-                news = self._news.recv()
+                news = self._receiver.recv()
                 if isinstance(news, float):
                     self.share = news
                 else:
                     outcome = news
         except EOFError:
             self._process.join()
-        self._news.close()
+        self._receiver.close()
         if not self._cancelled:
-            self._ended(outcome)
+            self._on_end(outcome)
 
 
-def _run(says: Connection, work: Work, given: tuple[Any, ...]) -> None:
+def _run_in_process(sender: Connection, work: Work, arguments: tuple[Any, ...]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # ctrl-C ends the server, which ends this
     if hasattr(os, "nice"):
-        os.nice(_NICE)
+        os.nice(_PROCESS_NICENESS)
 
     def progress(done: float, total: float) -> None:
-        says.send(min(1.0, done / total) if total > 0.0 else 0.0)
+        sender.send(min(1.0, done / total) if total > 0.0 else 0.0)
 
     try:
-        says.send(dict(work(progress, *given)))
+        sender.send(dict(work(progress, *arguments)))
     except (InputError, NegativeResult) as error:
-        says.send(str(error))
+        sender.send(str(error))
 
 
-_GO_S = 5.0
+_CANCEL_TIMEOUT_S = 5.0
 """For the controller to be stopped and its settings to be put back when the session ends, s."""
 
 
-class Seat(DrivenBoard, Protocol):
+class OperatorSeat(DrivenBoard, Protocol):
     """A place at the controller that runs."""
 
     def cancel(self) -> None:
@@ -119,12 +119,12 @@ class BoardJob:
 
     def __init__(
         self,
-        work: Callable[[Progress, Seat], Mapping[str, Any]],
-        seat: Callable[[], Seat],
-        ended: Ended,
+        work: Callable[[Progress, OperatorSeat], Mapping[str, Any]],
+        seat: Callable[[], OperatorSeat],
+        ended: OnEnd,
     ) -> None:
         self.share = 0.0
-        self._work, self._ended = work, ended
+        self._work, self._on_end = work, ended
         self._seat = seat()
         self._thread = threading.Thread(target=self._run, name="measuring", daemon=True)
         self._thread.start()
@@ -135,7 +135,7 @@ class BoardJob:
 
     def wait(self) -> None:
         """Wait until it has left the controller; not in the thread of the bench."""
-        self._thread.join(_GO_S)
+        self._thread.join(_CANCEL_TIMEOUT_S)
 
     def _run(self) -> None:
         def progress(done: float, total: float) -> None:
@@ -147,7 +147,7 @@ class BoardJob:
         except (InputError, NegativeResult) as error:
             outcome = str(error)
         self._seat.close()
-        self._ended(outcome)
+        self._on_end(outcome)
 
 
 @runtime_checkable
@@ -161,13 +161,18 @@ class BlockHolder(Protocol):
         """Download another parameter block and put it in force between two ticks."""
 
 
-STEPS = ("measure", "identify", "compile", "swap")
+IMPROVEMENT_STEPS = ("measure", "identify", "compile", "swap")
 """In this order."""
 
-_NEEDED = {"identify": "measure", "compile": "identify", "swap": "compile", "files": "measure"}
+_REQUIRED_STEP = {
+    "identify": "measure",
+    "compile": "identify",
+    "swap": "compile",
+    "files": "measure",
+}
 """What each needs the result of."""
 
-_ORDERS = (*STEPS, "back", "cancel", "files", "watch")
+_STEP_ORDERS = (*IMPROVEMENT_STEPS, "back", "cancel", "files", "watch")
 """Whatever a page may ask for."""
 
 
@@ -175,18 +180,18 @@ class Improver:
     """What has been measured and found beside a bench, and the one job that may be under way."""
 
     def __init__(self, prepared: Improvable, bench: BlockHolder) -> None:
-        self.known = known_model(prepared.measured, prepared.model)
+        self.known_model = make_model_with_loops(prepared.measured_loops, prepared.model)
         self.results: Mapping[str, Mapping[str, Any]] = {}
         self._prepared = prepared
         self._bench = bench
         self._folder = tempfile.TemporaryDirectory(prefix="anhyst-improve-")
-        self._job: Job | BoardJob | None = None
-        self._step, self._trouble, self._began = "", "", 0.0
-        self._words: list[int] = []
-        self._in_force: list[int] = []
-        self._first = self.known
-        self._found: KnownModel | None = None
-        self._before: tuple[list[int], KnownModel] | None = None
+        self._job: ProcessJob | BoardJob | None = None
+        self._step, self._error_text, self._start_time = "", "", 0.0
+        self._new_block: list[int] = []
+        self._active_block: list[int] = []
+        self._first_block = self.known_model
+        self._new_model: ModelWithLoops | None = None
+        self._previous: tuple[list[int], ModelWithLoops] | None = None
 
     @property
     def folder(self) -> Path:
@@ -195,52 +200,54 @@ class Improver:
 
     def limits(self) -> Mapping[str, Any]:
         """Return what a drive will keep to."""
-        return limits_of(self._prepared)
+        return excitation_limits(self._prepared)
 
     @property
-    def drives(self) -> bool:
+    def is_driving(self) -> bool:
         """Whether a measurement drives the controller that runs."""
         return isinstance(self._job, BoardJob)
 
-    def measure(self, tighter: Mapping[str, float], seat: Callable[[], Seat]) -> None:
+    def measure(
+        self, tighter_limits: Mapping[str, float], seat: Callable[[], OperatorSeat]
+    ) -> None:
         """Begin to measure loops, with some limits drawn tighter."""
         prepared, folder = self._prepared, self.folder
-        within(prepared.specimen(), tighter)
+        tighten_limits(prepared.specimen(), tighter_limits)
         if not isinstance(prepared, PreparedBoard):
-            self._begin("measure", measure_loops, dict(tighter))
+            self._start_process_job("measure", measure_loops, dict(tighter_limits))
             return
 
-        def work(progress: Progress, bench: Seat) -> Mapping[str, Any]:
-            return measure_loops(progress, prepared, folder, tighter, bench)
+        def work(progress: Progress, bench: OperatorSeat) -> Mapping[str, Any]:
+            return measure_loops(progress, prepared, folder, tighter_limits, bench)
 
-        self._start("measure", lambda ended: BoardJob(work, seat, ended))
+        self._start_job("measure", lambda ended: BoardJob(work, seat, ended))
 
     def identify(self) -> None:
         """Begin to identify a model of the loops."""
-        self._begin("identify", identify_model, self.known.model)
+        self._start_process_job("identify", identify_model, self.known_model.model)
 
     def compile(self) -> None:
         """Begin to compile the model for the running board."""
-        self._begin("compile", compile_block)
+        self._start_process_job("compile", compile_block)
 
     def swap(self) -> int:
         """Put the new model in force; in the thread of the bench."""
         self._check("swap")
-        assert self._found is not None
-        tick = self._exchange(self._words, self._found)
-        self._leave("swap", {"tick": tick})
+        assert self._new_model is not None
+        tick = self._swap_block(self._new_block, self._new_model)
+        self._store_result("swap", {"tick": tick})
         return tick
 
-    def back(self) -> int:
+    def swap_back(self) -> int:
         """Put in force what was before the last swap; in the thread of the bench."""
         self._check("back")
-        assert self._before is not None
-        return self._exchange(*self._before)
+        assert self._previous is not None
+        return self._swap_block(*self._previous)
 
-    def to_watch(self) -> KnownModel:
+    def model_to_monitor(self) -> ModelWithLoops:
         """Return the model that the rows of the bench can be held against."""
         self._check("watch")
-        return self.known
+        return self.known_model
 
     def cancel(self) -> None:
         """End the job that is under way, without a result; one that drives stops the rig first."""
@@ -250,11 +257,11 @@ class Improver:
         job, self._job = self._job, None
         if job is not None:
             job.cancel()
-            self._trouble = f"{self._step}: cancelled"
+            self._error_text = f"{self._step}: cancelled"
 
     def files(self) -> Mapping[str, str]:
         """Return the text of all files that the steps left, by name."""
-        names = (LOOPS, str(Path(LOOPS).with_suffix(".toml")), MODEL)
+        names = (LOOPS_FILE, str(Path(LOOPS_FILE).with_suffix(".toml")), MODEL_FILE)
         paths = [self.folder / name for name in names]
         return {path.name: path.read_text("utf-8") for path in paths if path.exists()}
 
@@ -264,29 +271,31 @@ class Improver:
         return {
             "step": self._step if job is not None else "",
             "share": job.share if job is not None else 0.0,
-            "seconds": time.monotonic() - self._began if job is not None else 0.0,
-            "trouble": self._trouble,
-            "refused": {step: str(why) for step in _ORDERS if (why := self._refusal(step))},
+            "seconds": time.monotonic() - self._start_time if job is not None else 0.0,
+            "trouble": self._error_text,
+            "refused": {
+                step: str(why) for step in _STEP_ORDERS if (why := self._refusal_reason(step))
+            },
         }
 
-    def _refusal(self, step: str) -> InputError | None:
+    def _refusal_reason(self, step: str) -> InputError | None:
         """Return why a step cannot be done now, or None where it can."""
-        needed, code, why = _NEEDED.get(step), "step-missing", ""
-        if step == "watch" and not self._prepared.alone:
+        needed, code, why = _REQUIRED_STEP.get(step), "step-missing", ""
+        if step == "watch" and not self._prepared.has_single_magnet:
             code = "force-of-a-pair"
             why = "of a pair only the sum of both forces is known, not one's own"
-        elif step in (*STEPS, "back") and self._job is not None:
+        elif step in (*IMPROVEMENT_STEPS, "back") and self._job is not None:
             code, why = "busy", f"{self._step} is still under way; wait, or cancel it"
         elif step == "cancel" and self._job is None:
             why = "nothing is under way"
-        elif step == "back" and self._before is None:
+        elif step == "back" and self._previous is None:
             why = "no model was swapped yet"
         elif needed is not None and needed not in self.results:
             why = f"{needed} comes first"
         return InputError(f"{step}: {why}", code=code, key=step) if why else None
 
     def _check(self, step: str) -> None:
-        if why := self._refusal(step):
+        if why := self._refusal_reason(step):
             raise why
 
     def close(self) -> None:
@@ -297,47 +306,49 @@ class Improver:
             job.wait()
         self._folder.cleanup()
 
-    def look_again(self) -> None:
+    def check_after_reconnect(self) -> None:
         """See whether a controller that was lost still has what was swapped in; in its thread."""
-        if self._before is None or self._bench.read_block() == self._in_force:
+        if self._previous is None or self._bench.read_block() == self._active_block:
             return
-        self.known = self._first
-        self._before = None
+        self.known_model = self._first_block
+        self._previous = None
         self.results = {name: one for name, one in self.results.items() if name != "swap"}
 
-    def _begin(self, step: str, work: Work, *given: Any) -> None:
-        self._start(step, lambda ended: Job(work, self._prepared, self.folder, *given, ended=ended))
+    def _start_process_job(self, step: str, work: Work, *given: Any) -> None:
+        self._start_job(
+            step, lambda ended: ProcessJob(work, self._prepared, self.folder, *given, ended=ended)
+        )
 
-    def _start(self, step: str, make: Callable[[Ended], Job | BoardJob]) -> None:
+    def _start_job(self, step: str, make: Callable[[OnEnd], ProcessJob | BoardJob]) -> None:
         self._check(step)
-        self._step, self._trouble, self._began = step, "", time.monotonic()
+        self._step, self._error_text, self._start_time = step, "", time.monotonic()
 
         def ended(outcome: Mapping[str, Any] | str) -> None:
             if isinstance(outcome, str):
-                self._trouble = f"{step}: {outcome}"
+                self._error_text = f"{step}: {outcome}"
             else:
                 if step == "identify":
-                    self._found = read_known(self.folder)
-                self._leave(step, {**outcome, "took_s": time.monotonic() - self._began})
+                    self._new_model = read_identified_model(self.folder)
+                self._store_result(step, {**outcome, "took_s": time.monotonic() - self._start_time})
             self._job = None
 
         self._job = make(ended)
 
-    def _leave(self, step: str, result: Mapping[str, Any]) -> None:
+    def _store_result(self, step: str, result: Mapping[str, Any]) -> None:
         """Keep what a step left; what came after it before counts no more."""
         shown = {name: value for name, value in result.items() if name != "words"}
         if "words" in result:
-            self._words = list(result["words"])
-        kept = STEPS[: STEPS.index(step)]
+            self._new_block = list(result["words"])
+        kept = IMPROVEMENT_STEPS[: IMPROVEMENT_STEPS.index(step)]
         self.results = {
             **{name: one for name, one in self.results.items() if name in kept},
             step: shown,
         }
 
-    def _exchange(self, words: Sequence[int], known: KnownModel) -> int:
-        old = self._bench.read_block()
-        self._in_force = regenerate(words, (old[GENERATION_AT] + 1) & 0xFFFF)
-        tick = self._bench.swap_block(self._in_force)
-        self._before = old, self.known
-        self.known = known
+    def _swap_block(self, block: Sequence[int], known: ModelWithLoops) -> int:
+        old_block = self._bench.read_block()
+        self._active_block = set_generation(block, (old_block[GENERATION_INDEX] + 1) & 0xFFFF)
+        tick = self._bench.swap_block(self._active_block)
+        self._previous = old_block, self.known_model
+        self.known_model = known
         return tick

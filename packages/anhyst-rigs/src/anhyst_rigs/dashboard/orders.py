@@ -12,17 +12,17 @@ import numpy as np
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
-from anhyst_rigs.dashboard.generator import Chirp, Generator, Wave, read_table
+from anhyst_rigs.dashboard.generator import Chirp, PeriodicWave, Wave, read_wave_table
 from anhyst_rigs.dashboard.improver import Improver
-from anhyst_rigs.dashboard.recording import Span
-from anhyst_rigs.dashboard.session import LiveSession, disturbs, finite
-from anhyst_rigs.dashboard.sets import ENDING, values_for
-from anhyst_rigs.rig.bench.protocol import Aim, Parameter, Signal
+from anhyst_rigs.dashboard.recording import RecordingSpan
+from anhyst_rigs.dashboard.session import LiveSession, disturbs_measurement, read_finite_number
+from anhyst_rigs.dashboard.sets import FILE_SUFFIX, changed_values
+from anhyst_rigs.rig.bench.protocol import DemandRange, Parameter, Signal
 
-_CHUNKS = 1000
+_MAX_QUEUED_CHUNKS = 1000
 """That wait to be looked at; more than what a measurement is ever late by."""
 
-_WAIT_S = 0.1
+_CHUNK_TIMEOUT_S = 0.1
 """For a chunk, before it is seen whether the controller is lost, s."""
 
 
@@ -35,30 +35,32 @@ class SessionSeat:
     def __init__(self, session: LiveSession) -> None:
         self._session = session
         self._cancelled = threading.Event()
-        self._rows = session.paced.subscribe("measuring", most=_CHUNKS)
+        self._rows = session.pacer.subscribe("measuring", max_chunks=_MAX_QUEUED_CHUNKS)
         self.rate: float = session.bench.rate
-        self.every: int = session.bench.every
-        self.aim: Aim = session.bench.aim
+        self.ticks_per_row: int = session.bench.ticks_per_row
+        self.demand_range: DemandRange = session.bench.demand_range
         self.signals: tuple[Signal, ...] = session.bench.signals
 
     @property
-    def lost(self) -> str:
+    def loss_reason(self) -> str:
         """Why the controller is looked for; empty while it answers."""
-        return self._session.bench.lost
+        return self._session.bench.loss_reason
 
     def advance(self, ticks: int) -> FloatArray:
         """Return what came; mostly as much as was asked for, and nothing of a lost controller."""
         parts = [np.empty((0, 1 + len(self.signals)))]
-        while sum(map(len, parts)) * self.every < ticks:
+        while sum(map(len, parts)) * self.ticks_per_row < ticks:
             if self._cancelled.is_set():
                 self._cancelled.clear()
                 raise InputError("cancelled", code="cancelled")
             try:
-                chunk = self._rows.get(_WAIT_S)
+                chunk = self._rows.get(_CHUNK_TIMEOUT_S)
             except TimeoutError:
                 break
             if chunk is None:
-                raise InputError(self._session.ended or "the bench is closed", code="bench-closed")
+                raise InputError(
+                    self._session.end_reason or "the bench is closed", code="bench-closed"
+                )
             parts.append(chunk)
         return np.concatenate(parts)
 
@@ -67,13 +69,13 @@ class SessionSeat:
 
         def act() -> None:
             self._session.bench.command(command)
-            self._session.note("measuring", command.name.lower())
+            self._session.log_change("measuring", command.name.lower())
 
-        self._session.do(act)
+        self._session.run_between_chunks(act)
 
     def demand(self, value: float) -> None:
         """Demand a force, N."""
-        self._session.do(lambda: self._session.bench.demand(value))
+        self._session.run_between_chunks(lambda: self._session.bench.demand(value))
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the settings, with the values in force."""
@@ -81,7 +83,7 @@ class SessionSeat:
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Write settings."""
-        return self._session.do(lambda: self._session.apply(values))
+        return self._session.run_between_chunks(lambda: self._session.apply(values))
 
     def cancel(self) -> None:
         """Let the next look at it raise, once: who measures then stops the controller."""
@@ -93,94 +95,96 @@ class SessionSeat:
 
 
 Fields = Mapping[str, Any]
-_Act = Callable[[LiveSession, Improver, str, Fields], Fields]
+_StepAction = Callable[[LiveSession, Improver, str, Fields], Fields]
 
 
-def improve(session: LiveSession, who: str, fields: Fields) -> Fields:
+def perform_improvement_step(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     """Do a step, as ``step`` of a message says."""
     step = str(fields.get("step"))
-    act = _STEPS.get(step)
-    if act is None:
+    action = _STEP_ACTIONS.get(step)
+    if action is None:
         raise InputError(f"improve: no step '{step[:40]}'", code="unknown-step", key="improve")
     if session.improver is None:
         raise InputError(
             "improve: this bench was not opened from a rig file", code="no-rig-file", key="improve"
         )
-    return act(session, session.improver, who, fields)
+    return action(session, session.improver, client_name, fields)
 
 
-def _measure(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
-    given = fields.get("limits", {})
-    if not isinstance(given, dict):
+def _measure(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
+    limits = fields.get("limits", {})
+    if not isinstance(limits, dict):
         raise InputError("limits: name none", code="missing", key="limits")
-    tighter = {str(name): finite(given, name) for name in given}
-    improver.measure(tighter, lambda: SessionSeat(session))
-    session.note(who, "loops are measured")
+    tighter_limits = {str(name): read_finite_number(limits, name) for name in limits}
+    improver.measure(tighter_limits, lambda: SessionSeat(session))
+    session.log_change(client_name, "loops are measured")
     return {}
 
 
-def _do(do: Callable[[Improver], None], text: str) -> _Act:
+def _run_and_log(do: Callable[[Improver], None], text: str) -> _StepAction:
     def act(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
         do(improver)
-        session.note(who, text)
+        session.log_change(who, text)
         return {}
 
     return act
 
 
-def _exchange(exchange: Callable[[Improver], int], text: str) -> _Act:
+def _swap_and_log(exchange: Callable[[Improver], int], text: str) -> _StepAction:
     def act(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
         tick = exchange(improver)
-        session.note(who, text)
-        session.curves = improver.known.curves
-        if session.watched is not None:
-            session.watch(improver.to_watch())  # anew: another model came into force
+        session.log_change(who, text)
+        session.curves = improver.known_model.curves
+        if session.monitored_model is not None:
+            session.monitor(improver.model_to_monitor())  # anew: another model came into force
         return {"applied": tick}
 
     return act
 
 
-def _files(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
+def _files(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
     return {"files": improver.files()}
 
 
-def _watch(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
-    on = fields.get("on") is True
-    session.watch(improver.to_watch() if on else None)
-    session.note(who, "drift is watched from now on" if on else "drift is watched no more")
+def _watch(session: LiveSession, improver: Improver, client_name: str, fields: Fields) -> Fields:
+    is_on = fields.get("on") is True
+    session.monitor(improver.model_to_monitor() if is_on else None)
+    session.log_change(
+        client_name, "drift is watched from now on" if is_on else "drift is watched no more"
+    )
     return {}
 
 
-_STEPS: Mapping[str, _Act] = {
+_STEP_ACTIONS: Mapping[str, _StepAction] = {
     "measure": _measure,
-    "identify": _do(Improver.identify, "a model is identified"),
-    "compile": _do(Improver.compile, "the model is compiled"),
-    "swap": _exchange(Improver.swap, "the new model is swapped in"),
-    "back": _exchange(Improver.back, "the model before is swapped in"),
-    "cancel": _do(Improver.cancel, "work cancelled"),
+    "identify": _run_and_log(Improver.identify, "a model is identified"),
+    "compile": _run_and_log(Improver.compile, "the model is compiled"),
+    "swap": _swap_and_log(Improver.swap, "the new model is swapped in"),
+    "back": _swap_and_log(Improver.swap_back, "the model before is swapped in"),
+    "cancel": _run_and_log(Improver.cancel, "work cancelled"),
     "files": _files,
     "watch": _watch,
 }
 
 
-Act = Callable[[LiveSession, str, Fields], Fields]
+OrderAction = Callable[[LiveSession, str, Fields], Fields]
 
-_SWITCHES_MOST = 200
+_MAX_SWITCHES = 200
 """Parameters in one message."""
 
 
-def perform(session: LiveSession, who: str, fields: Fields) -> Fields:
+def perform(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     """Do what a message asks for; to be called in the thread of the bench."""
-    act = _ACTS.get(str(fields.get("do")))
-    if act is None:
+    action = _ORDER_ACTIONS.get(str(fields.get("do")))
+    if action is None:
         raise InputError(f"no order '{str(fields.get('do'))[:40]}'", code="unknown-order", key="do")
     order = str(fields.get("name") if fields["do"] == "command" else fields["do"])
-    if session.measured and disturbs(order):
-        raise InputError(session.measured, code="busy")
-    return {"tick": session.bench.tick, **act(session, who, fields)}
+    if session.driven_reason and disturbs_measurement(order):
+        raise InputError(session.driven_reason, code="busy")
+    return {"tick": session.bench.tick, **action(session, client_name, fields)}
 
 
-def _command(session: LiveSession, who: str, fields: Fields) -> Fields:
+def _command(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     name = str(fields.get("name"))
     commands = {command.name.lower(): command for command in session.bench.commands}
     if name not in commands:
@@ -189,105 +193,109 @@ def _command(session: LiveSession, who: str, fields: Fields) -> Fields:
     if command in (Command.STOP, Command.LAND):
         session.generate(None)
     session.bench.command(command)
-    session.note(who, name)
+    session.log_change(client_name, name)
     return {}
 
 
-def _target(session: LiveSession, who: str, fields: Fields) -> Fields:
-    value = finite(fields, "value")
+def _target(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+    value = read_finite_number(fields, "value")
     session.bench.demand(value)
-    session.note(who, f"target {value:g}")
+    session.log_change(client_name, f"target {value:g}")
     return {}
 
 
-def _load(session: LiveSession, who: str, fields: Fields) -> Fields:
-    value = finite(fields, "value")
+def _load(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+    value = read_finite_number(fields, "value")
     session.bench.load(value)
-    session.note(who, f"load {value:g} N")
+    session.log_change(client_name, f"load {value:g} N")
     return {}
 
 
-def _generator(session: LiveSession, who: str, fields: Fields) -> Fields:
+def _generator(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     if fields.get("shape") is None:
         session.generate(None)
-        session.note(who, "generator off")
+        session.log_change(client_name, "generator off")
         return {}
     wave = _wave(session, fields)
     session.generate(wave)
     (_, shape), *rest = wave.as_dict().items()
-    units = {"amplitude": f" {session.bench.aim.unit}", "rows": "", "lasts": " s"}
+    units = {"amplitude": f" {session.bench.demand_range.unit}", "rows": "", "lasts": " s"}
     numbers = [f"{name} {value:g}{units.get(name, ' Hz')}" for name, value in rest]
-    session.note(who, f"generator {', '.join([str(shape), *numbers])}")
+    session.log_change(client_name, f"generator {', '.join([str(shape), *numbers])}")
     return {}
 
 
 def _wave(session: LiveSession, fields: Fields) -> Wave:
     begin, shape = session.bench.tick + 1, str(fields["shape"])
     if shape == "own CSV":
-        return read_table(str(fields.get("text", "")), session.bench.aim.unit, begin)
-    amplitude = finite(fields, "amplitude")
+        return read_wave_table(str(fields.get("text", "")), session.bench.demand_range.unit, begin)
+    amplitude = read_finite_number(fields, "amplitude")
     if shape == "chirp":
-        low, high, lasts = (finite(fields, name) for name in ("low", "high", "lasts"))
+        low, high, lasts = (read_finite_number(fields, name) for name in ("low", "high", "lasts"))
         return Chirp(amplitude, low, high, lasts, begin)
-    return Generator(shape, amplitude, finite(fields, "frequency"), begin)
+    return PeriodicWave(shape, amplitude, read_finite_number(fields, "frequency"), begin)
 
 
-def _apply(session: LiveSession, who: str, fields: Fields) -> Fields:
+def _apply(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     staged = fields.get("values")
-    if not isinstance(staged, dict) or not 1 <= len(staged) <= _SWITCHES_MOST:
+    if not isinstance(staged, dict) or not 1 <= len(staged) <= _MAX_SWITCHES:
         raise InputError("values: names no parameter", code="missing", key="values")
-    values = {str(name): finite(staged, name) for name in staged}
+    values = {str(name): read_finite_number(staged, name) for name in staged}
     tick = session.apply(values)
-    session.note(who, ", ".join(f"{name} = {value:g}" for name, value in values.items()))
-    return {"applied": tick, "parameters": parameters_of(session)}
+    session.log_change(
+        client_name, ", ".join(f"{name} = {value:g}" for name, value in values.items())
+    )
+    return {"applied": tick, "parameters": describe_parameters(session)}
 
 
-def _pace(session: LiveSession, who: str, fields: Fields) -> Fields:
-    if session.bench.keeps_time:
+def _pace(session: LiveSession, client_name: str, fields: Fields) -> Fields:
+    if session.bench.has_own_clock:
         raise InputError(
             "time: goes by itself on a board, at its own speed",
             code="time-goes-by-itself",
             key="time",
         )
     if "speed" in fields:
-        speed = finite(fields, "speed")
-        session.paced.set_speed(speed)
-        session.note(who, f"speed {speed:g} times real time")
+        speed = read_finite_number(fields, "speed")
+        session.pacer.set_speed(speed)
+        session.log_change(client_name, f"speed {speed:g} times real time")
     if fields.get("paused") is True:
-        session.paced.pause()
-        session.note(who, "time stands")
+        session.pacer.pause()
+        session.log_change(client_name, "time stands")
     elif fields.get("paused") is False:
-        session.paced.resume()
-        session.note(who, "time goes on")
+        session.pacer.resume()
+        session.log_change(client_name, "time goes on")
     if "steps" in fields:
-        steps = finite(fields, "steps")
+        steps = read_finite_number(fields, "steps")
         if not 1 <= steps <= session.bench.rate:
             raise InputError(
                 f"steps: is not within 1 to {session.bench.rate:g}",
                 code="out-of-range",
                 key="steps",
             )
-        session.paced.step(int(steps))
+        session.pacer.step(int(steps))
     return {}
 
 
-def _record(session: LiveSession, who: str, fields: Fields) -> Fields:
+def _record(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     tick, name = session.bench.tick, fields.get("file")
     if name is None:
         session.recorder.stop(tick)
         return {}
     crossing = None
     if "signal" in fields:
-        crossing = session.recorder.crossing(
-            str(fields["signal"]), finite(fields, "level"), fields.get("rising") is not False
+        crossing = session.recorder.make_crossing(
+            str(fields["signal"]),
+            read_finite_number(fields, "level"),
+            fields.get("rising") is not False,
         )
-    lasts = finite(fields, "lasts") if fields.get("lasts") is not None else math.inf
-    session.record(str(name), Span(finite(fields, "before"), lasts, crossing))
-    session.note(who, f"record {name}")
+    lasts = read_finite_number(fields, "lasts") if fields.get("lasts") is not None else math.inf
+    session.record(str(name), RecordingSpan(read_finite_number(fields, "before"), lasts, crossing))
+    session.log_change(client_name, f"record {name}")
     return {}
 
 
-def _learn(session: LiveSession, who: str, fields: Fields) -> Fields:
+def _learn(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     """Learn from the motion on or off, or forget what was learnt."""
     learner = session.learner
     if learner is None:
@@ -298,29 +306,29 @@ def _learn(session: LiveSession, who: str, fields: Fields) -> Fields:
         )
     if fields.get("revert") is True:
         applied = learner.revert()
-        session.note(who, "what was learnt is forgotten")
+        session.log_change(client_name, "what was learnt is forgotten")
         return {"applied": applied}
-    learner.turn(fields.get("on") is True)
-    session.note(who, "learns from its motion" if learner.on else "learns no more")
+    learner.switch(fields.get("on") is True)
+    session.log_change(client_name, "learns from its motion" if learner.is_on else "learns no more")
     return {}
 
 
-def _save_set(session: LiveSession, who: str, fields: Fields) -> Fields:
+def _save_set(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     name = str(fields.get("name"))
     session.sets.save(name, session.parameters)
-    session.note(who, f"saved what is in force as {name}")
-    return {"file": f"{name}{ENDING}"}
+    session.log_change(client_name, f"saved what is in force as {name}")
+    return {"file": f"{name}{FILE_SUFFIX}"}
 
 
-def _read_set(session: LiveSession, who: str, fields: Fields) -> Fields:
+def _read_set(session: LiveSession, client_name: str, fields: Fields) -> Fields:
     held = session.sets.read(str(fields.get("name")))
-    return {"parameters": held, "differing": values_for(session.parameters, held)}
+    return {"parameters": held, "differing": changed_values(session.parameters, held)}
 
 
-BESIDE: Mapping[str, Act] = {"save set": _save_set, "read set": _read_set}
+ORDERS_BESIDE_BENCH: Mapping[str, OrderAction] = {"save set": _save_set, "read set": _read_set}
 """What touches the disk and not the bench, which does not wait for it."""
 
-_ACTS: Mapping[str, Act] = {
+_ORDER_ACTIONS: Mapping[str, OrderAction] = {
     "command": _command,
     "target": _target,
     "load": _load,
@@ -328,11 +336,11 @@ _ACTS: Mapping[str, Act] = {
     "apply": _apply,
     "pace": _pace,
     "record": _record,
-    "improve": improve,
+    "improve": perform_improvement_step,
     "learn": _learn,
 }
 
 
-def parameters_of(session: LiveSession) -> list[dict[str, Any]]:
+def describe_parameters(session: LiveSession) -> list[dict[str, Any]]:
     """Return the parameters as a page gets them."""
     return [parameter._asdict() for parameter in session.parameters]

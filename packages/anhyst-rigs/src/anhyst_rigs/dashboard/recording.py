@@ -19,12 +19,12 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bench.protocol import Signal, Subscription
 
-_HEAD = struct.Struct("<4s4xQQ")
+_BLOCK_HEADER = struct.Struct("<4s4xQQ")
 """Of every block: name, length, number of links."""
 
-_ID = struct.pack("<8s8s8s4xH34x", b"MDF     ", b"4.10    ", b"anhyst  ", 410)
-_OFFSETS_KNOWN, _FLOAT, _MASTER, _OF_TIME = 2, 4, 2, 1
-_MARKER, _BY_USER = 6, 4
+_IDENTIFICATION = struct.pack("<8s8s8s4xH34x", b"MDF     ", b"4.10    ", b"anhyst  ", 410)
+_UTC_OFFSETS_VALID, _FLOAT_TYPE, _MASTER_CHANNEL, _TIME_SYNC = 2, 4, 2, 1
+_MARKER_EVENT, _CAUSED_BY_USER = 6, 4
 
 
 class RecordingFile(ABC):
@@ -38,11 +38,11 @@ class RecordingFile(ABC):
         self._file = path.open("xb", buffering=0)
 
     @abstractmethod
-    def put(self, rows: FloatArray) -> None:
+    def write_rows(self, rows: FloatArray) -> None:
         """Write rows, column 0 the tick."""
 
     @abstractmethod
-    def note(self, tick: int, text: str) -> None:
+    def write_note(self, tick: int, text: str) -> None:
         """Write what was changed after a tick."""
 
     def close(self) -> None:
@@ -62,88 +62,113 @@ class MdfRecorder(RecordingFile):
         self._end = 0
         self._next_data = self._next_event = self._count = 0
         self._data = (0, 0)  # place of the block of data under way, and its length
-        self._begin(signals)
+        self._write_header(signals)
 
-    def put(self, rows: FloatArray) -> None:
+    def write_rows(self, rows: FloatArray) -> None:
         """Write rows, column 0 the tick."""
         body = np.column_stack((rows[:, 0] / self._rate, rows)).astype("<f8").tobytes()
         with self._lock:
             if not self._data[0]:
                 self._open_data(8 * (rows.shape[1] + 1) * self.rows)
             address, length = self._data
-            self._append(body)
+            self._write_bytes(body)
             self._data = address, length + len(body)
-            self._patch(address + 8, length + len(body))
+            self._write_address(address + 8, length + len(body))
             self.rows += len(rows)
-            self._patch(self._count, self.rows)
+            self._write_address(self._count, self.rows)
 
-    def note(self, tick: int, text: str) -> None:
+    def write_note(self, tick: int, text: str) -> None:
         """Mark a tick, such as that after which something was changed."""
         with self._lock:
-            name = self._text(" ".join(text.split()))
-            event = self._block(
+            name = self._write_text(" ".join(text.split()))
+            event = self._write_block(
                 b"EV",
                 (0, 0, 0, name, 0),
                 struct.pack(
-                    "<5B3xIHHqd", _MARKER, 1, 0, _BY_USER, 0, 0, 0, 0, tick, 1 / self._rate
+                    "<5B3xIHHqd",
+                    _MARKER_EVENT,
+                    1,
+                    0,
+                    _CAUSED_BY_USER,
+                    0,
+                    0,
+                    0,
+                    0,
+                    tick,
+                    1 / self._rate,
                 ),
             )
-            self._patch(self._next_event, event)
-            self._next_event = event + _HEAD.size
+            self._write_address(self._next_event, event)
+            self._next_event = event + _BLOCK_HEADER.size
             self._data = (0, 0)
 
-    def _begin(self, signals: Sequence[Signal]) -> None:
+    def _write_header(self, signals: Sequence[Signal]) -> None:
         """Write all that stands before the rows: header, history, the group and its channels."""
         now = time.time_ns()
-        self._append(_ID)
-        header = self._block(b"HD", (0,) * 6, struct.pack("<Qhh4B2d", now, 0, 0, 2, 0, 0, 0, 0, 0))
-        tool = self._text(
+        self._write_bytes(_IDENTIFICATION)
+        header = self._write_block(
+            b"HD", (0,) * 6, struct.pack("<Qhh4B2d", now, 0, 0, 2, 0, 0, 0, 0, 0)
+        )
+        tool = self._write_text(
             "<FHcomment><TX>recorded</TX><tool_id>anhyst live</tool_id>"
             "<tool_vendor>anhyst</tool_vendor><tool_version>1</tool_version></FHcomment>",
             b"MD",
         )
-        history = self._block(b"FH", (0, tool), struct.pack("<QhhB3x", now, 0, 0, _OFFSETS_KNOWN))
+        history = self._write_block(
+            b"FH", (0, tool), struct.pack("<QhhB3x", now, 0, 0, _UTC_OFFSETS_VALID)
+        )
         channels = 0
         columns = [Signal("t", "s", "time"), Signal("tick", "", "number of the tick"), *signals]
         for index in reversed(range(len(columns))):
-            channels = self._channel(columns[index], index, channels)
+            channels = self._write_channel(columns[index], index, channels)
         row = struct.pack("<QQHH4xII", 0, 0, 0, 0, 8 * len(columns), 0)
-        group = self._block(b"CG", (0, channels, self._text("bench"), 0, 0, 0), row)
-        self._count = group + _HEAD.size + 6 * 8 + 8
-        data_group = self._block(b"DG", (0, group, 0, 0), struct.pack("<B7x", 0))
-        self._next_data = data_group + _HEAD.size + 2 * 8
-        self._next_event = header + _HEAD.size + 4 * 8
-        self._patch(header + _HEAD.size, data_group)
-        self._patch(header + _HEAD.size + 8, history)
+        group = self._write_block(b"CG", (0, channels, self._write_text("bench"), 0, 0, 0), row)
+        self._count = group + _BLOCK_HEADER.size + 6 * 8 + 8
+        data_group = self._write_block(b"DG", (0, group, 0, 0), struct.pack("<B7x", 0))
+        self._next_data = data_group + _BLOCK_HEADER.size + 2 * 8
+        self._next_event = header + _BLOCK_HEADER.size + 4 * 8
+        self._write_address(header + _BLOCK_HEADER.size, data_group)
+        self._write_address(header + _BLOCK_HEADER.size + 8, history)
 
-    def _channel(self, signal: Signal, index: int, following: int) -> int:
-        unit = self._text(signal.unit) if signal.unit else 0
-        links = (following, 0, self._text(signal.name), 0, 0, 0, unit, self._text(signal.doc))
-        kind = (_MASTER, _OF_TIME) if index == 0 else (0, 0)
-        body = struct.pack(
-            "<4B4I2BH6d", *kind, _FLOAT, 0, 8 * index, 64, 0, 0, 0, 0, 0, *(0.0,) * 6
+    def _write_channel(self, signal: Signal, index: int, following: int) -> int:
+        unit = self._write_text(signal.unit) if signal.unit else 0
+        links = (
+            following,
+            0,
+            self._write_text(signal.name),
+            0,
+            0,
+            0,
+            unit,
+            self._write_text(signal.doc),
         )
-        return self._block(b"CN", links, body)
+        kind = (_MASTER_CHANNEL, _TIME_SYNC) if index == 0 else (0, 0)
+        body = struct.pack(
+            "<4B4I2BH6d", *kind, _FLOAT_TYPE, 0, 8 * index, 64, 0, 0, 0, 0, 0, *(0.0,) * 6
+        )
+        return self._write_block(b"CN", links, body)
 
     def _open_data(self, before: int) -> None:
         """Begin a block of data at the end, behind a list that the one before is linked to."""
-        address = self._end + _HEAD.size + 2 * 8 + struct.calcsize("<B3xIQ")
-        listed = self._block(b"DL", (0, address), struct.pack("<B3xIQ", 0, 1, before))
-        self._data = self._block(b"DT", (), b""), _HEAD.size
-        self._patch(self._next_data, listed)
-        self._next_data = listed + _HEAD.size
+        address = self._end + _BLOCK_HEADER.size + 2 * 8 + struct.calcsize("<B3xIQ")
+        listed = self._write_block(b"DL", (0, address), struct.pack("<B3xIQ", 0, 1, before))
+        self._data = self._write_block(b"DT", (), b""), _BLOCK_HEADER.size
+        self._write_address(self._next_data, listed)
+        self._next_data = listed + _BLOCK_HEADER.size
 
-    def _text(self, text: str, kind: bytes = b"TX") -> int:
-        return self._block(kind, (), text.encode() + b"\0")
+    def _write_text(self, text: str, kind: bytes = b"TX") -> int:
+        return self._write_block(kind, (), text.encode() + b"\0")
 
-    def _block(self, kind: bytes, links: Sequence[int], body: bytes) -> int:
+    def _write_block(self, kind: bytes, links: Sequence[int], body: bytes) -> int:
         """Append a block and return its place."""
-        address, size = self._end, _HEAD.size + 8 * len(links) + len(body)
-        head = _HEAD.pack(b"##" + kind, size, len(links)) + struct.pack(f"<{len(links)}Q", *links)
-        self._append(head + body + b"\0" * (-size % 8))
+        address, size = self._end, _BLOCK_HEADER.size + 8 * len(links) + len(body)
+        head = _BLOCK_HEADER.pack(b"##" + kind, size, len(links)) + struct.pack(
+            f"<{len(links)}Q", *links
+        )
+        self._write_bytes(head + body + b"\0" * (-size % 8))
         return address
 
-    def _append(self, data: bytes) -> None:
+    def _write_bytes(self, data: bytes) -> None:
         rest = memoryview(data)
         while rest:
             self._file.seek(self._end)
@@ -151,7 +176,7 @@ class MdfRecorder(RecordingFile):
             self._end += written
             rest = rest[written:]
 
-    def _patch(self, address: int, value: int) -> None:
+    def _write_address(self, address: int, value: int) -> None:
         self._file.seek(address)
         self._file.write(struct.pack("<Q", value))
 
@@ -169,17 +194,17 @@ class CsvRecorder(RecordingFile):
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
         super().__init__(path, rate)
-        heads = [header(one) for one in signals]
+        heads = [column_header(one) for one in signals]
         self._write((",".join(["tick", "t_s", *heads]) + "\n").encode())
 
-    def put(self, rows: FloatArray) -> None:
+    def write_rows(self, rows: FloatArray) -> None:
         """Write rows, column 0 the tick."""
         ticks = rows[:, :1]
         table = np.hstack((ticks, ticks / self._rate, rows[:, 1:]))
-        self._write(_lines(table))
+        self._write(_format_rows(table))
         self.rows += len(rows)
 
-    def note(self, tick: int, text: str) -> None:
+    def write_note(self, tick: int, text: str) -> None:
         """Write a line between the rows; readers take it as a comment."""
         self._write(f"# after tick {tick}, {' '.join(text.split())}\n".encode())
 
@@ -190,7 +215,7 @@ class CsvRecorder(RecordingFile):
                 data = data[self._file.write(data) :]
 
 
-_KINDS: Mapping[str, type[CsvRecorder] | type[MdfRecorder]] = {
+_RECORDERS: Mapping[str, type[CsvRecorder] | type[MdfRecorder]] = {
     ".csv": CsvRecorder,
     ".mf4": MdfRecorder,
 }
@@ -198,10 +223,10 @@ _KINDS: Mapping[str, type[CsvRecorder] | type[MdfRecorder]] = {
 
 def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> RecordingFile:
     """Begin a recording in a new file, of the kind that its name says."""
-    kind = _KINDS.get(path.suffix.lower())
+    kind = _RECORDERS.get(path.suffix.lower())
     if kind is None:
         raise InputError(
-            f"{path}: a recording is written as {' or '.join(_KINDS)}; name it so",
+            f"{path}: a recording is written as {' or '.join(_RECORDERS)}; name it so",
             code="wrong-ending",
         )
     try:
@@ -214,7 +239,7 @@ def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> Recor
         raise InputError(f"{path}: {error.strerror}", code="cannot-be-written") from None
 
 
-def _lines(table: FloatArray) -> bytes:
+def _format_rows(table: FloatArray) -> bytes:
     """Return rows as lines; a JSON writer is ten times as fast as formatting in Python."""
     text = orjson.dumps(table, option=orjson.OPT_SERIALIZE_NUMPY)[2:-2] + b"\n"
     for old, new in ((b"],[", b"\n"), (b".0,", b","), (b".0\n", b"\n"), (b"null", b"nan")):
@@ -222,33 +247,33 @@ def _lines(table: FloatArray) -> bytes:
     return text
 
 
-def header(signal: Signal) -> str:
+def column_header(signal: Signal) -> str:
     """Return the head of the column of a signal, with its unit."""
     unit = signal.unit.replace("/", "_per_").replace("^", "")
     return HEADERS.get(signal.name) or (f"{signal.name}_{unit}" if unit else signal.name)
 
 
-KEPT_S = 10.0
+BUFFER_S = 10.0
 """Of every tick, s of the bench."""
 
-LONGEST_S = 86400.0
+MAX_RECORDING_S = 86400.0
 
-_SLACK_S = 1.0
-_SLICE = 4000
+_BUFFER_SLACK_S = 1.0
+_ROWS_PER_WRITE = 4000
 """Rows of the past that are written between two chunks of the bench."""
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,99}")
-_PATIENCE_S = 0.1
+_MAX_WRITE_DELAY_S = 0.1
 
 
-class Ring:
+class RingBuffer:
     """The last rows, at full rate."""
 
     def __init__(self, rows: int, columns: int) -> None:
         self.total = 0
         self._rows = np.zeros((rows, columns))
 
-    def put(self, rows: FloatArray) -> None:
+    def append(self, rows: FloatArray) -> None:
         """Add rows."""
         size = len(self._rows)
         self.total += max(0, len(rows) - size)
@@ -259,37 +284,37 @@ class Ring:
         self._rows[: len(rows) - head] = rows[head:]
         self.total += len(rows)
 
-    def take(self, first: int, last: int) -> FloatArray:
+    def read(self, first: int, last: int) -> FloatArray:
         """Return the rows ``first`` to before ``last``, counted from the first that ever came."""
         return self._rows[np.arange(first, last) % len(self._rows)]
 
-    def find(self, tick: int) -> int:
+    def find_tick(self, tick: int) -> int:
         """Return the number of the first row that is held at or after a tick."""
         oldest = max(0, self.total - len(self._rows))
-        return oldest + int(np.searchsorted(self.take(oldest, self.total)[:, 0], tick))
+        return oldest + int(np.searchsorted(self.read(oldest, self.total)[:, 0], tick))
 
 
-class Crossing(NamedTuple):
+class LevelCrossing(NamedTuple):
     """A signal that crosses a level."""
 
     column: int  # of a row
     level: float  # SI unit of the signal
-    rising: bool
+    is_rising: bool
 
     def find(self, values: FloatArray) -> int | None:
         """Return the place of the first sample beyond the level, after one that was not."""
-        beyond = values >= self.level if self.rising else values <= self.level
-        places = np.flatnonzero(beyond[1:] & ~beyond[:-1])
-        return int(places[0]) + 1 if len(places) else None
+        is_beyond = values >= self.level if self.is_rising else values <= self.level
+        indices = np.flatnonzero(is_beyond[1:] & ~is_beyond[:-1])
+        return int(indices[0]) + 1 if len(indices) else None
 
 
-class Span(NamedTuple):
+class RecordingSpan(NamedTuple):
     """From when until when a recording lasts."""
 
     # of what has been, s before now or before the crossing; 0 to :data:`KEPT_S`
-    before: float = 0.0
-    lasts: float = math.inf  # from there on, s; infinite until it is stopped
-    crossing: Crossing | None = None  # that it waits for
+    pretrigger_s: float = 0.0
+    duration_s: float = math.inf  # from there on, s; infinite until it is stopped
+    crossing: LevelCrossing | None = None  # that it waits for
 
 
 class TickRecorder:
@@ -303,27 +328,29 @@ class TickRecorder:
         notify: Callable[[str], None],
     ) -> None:
         self.folder = folder
-        self.trouble = ""
+        self.error_text = ""
         self._signals = signals
         self._rate = rate
         self._notify = notify
-        self._ring = Ring(math.ceil((KEPT_S + _SLACK_S) * rate), 1 + len(signals))
+        self._ring = RingBuffer(math.ceil((BUFFER_S + _BUFFER_SLACK_S) * rate), 1 + len(signals))
         self._lock = threading.RLock()
         self._file: RecordingFile | None = None
-        self._span = Span()
-        self._next: int | None = None  # row to be written next; None while a crossing is waited for
-        self._first, self._last = 0, math.inf  # ticks
+        self._span = RecordingSpan()
+        self._next_row: int | None = (
+            None  # row to be written next; None while a crossing is waited for
+        )
+        self._first_row, self._last_row = 0, math.inf  # ticks
 
-    def crossing(self, signal: str, level: float, rising: bool) -> Crossing:
+    def make_crossing(self, signal: str, level: float, rising: bool) -> LevelCrossing:
         """Return the crossing of a signal."""
         names = [one.name for one in self._signals]
         if signal not in names:
             raise InputError(
                 f"trigger: no signal '{signal[:40]}'", code="no-such-signal", key="trigger"
             )
-        return Crossing(1 + names.index(signal), level, rising)
+        return LevelCrossing(1 + names.index(signal), level, rising)
 
-    def start(self, name: str, span: Span, tick: int) -> None:
+    def start(self, name: str, span: RecordingSpan, tick: int) -> None:
         """Begin a recording in a new file of the folder."""
         if not _NAME.fullmatch(name):
             raise InputError(
@@ -331,13 +358,15 @@ class TickRecorder:
                 code="bad-name",
                 key="record",
             )
-        if not 0.0 <= span.before <= KEPT_S:
+        if not 0.0 <= span.pretrigger_s <= BUFFER_S:
             raise InputError(
-                f"record: before is not within 0 to {KEPT_S:g} s", code="out-of-range", key="before"
+                f"record: before is not within 0 to {BUFFER_S:g} s",
+                code="out-of-range",
+                key="before",
             )
-        if not (span.lasts == math.inf or 0.0 <= span.lasts <= LONGEST_S):
+        if not (span.duration_s == math.inf or 0.0 <= span.duration_s <= MAX_RECORDING_S):
             raise InputError(
-                f"record: the length is not within 0 to {LONGEST_S:g} s",
+                f"record: the length is not within 0 to {MAX_RECORDING_S:g} s",
                 code="out-of-range",
                 key="length",
             )
@@ -348,52 +377,54 @@ class TickRecorder:
                     code="busy",
                     key="record",
                 )
-            self.take(start_recording(self.folder / name, self._signals, self._rate), span, tick)
+            self.start_in_file(
+                start_recording(self.folder / name, self._signals, self._rate), span, tick
+            )
 
-    def take(self, file: RecordingFile, span: Span, tick: int) -> None:
+    def start_in_file(self, file: RecordingFile, span: RecordingSpan, tick: int) -> None:
         """Write a recording to a file that is open."""
         with self._lock:
-            self.trouble = ""
-            self._file, self._span, self._next = file, span, None
+            self.error_text = ""
+            self._file, self._span, self._next_row = file, span, None
             if span.crossing is None:
-                self._frame(tick + 1)
+                self._set_limits_around(tick + 1)
 
     def stop(self, tick: int) -> None:
         """End the recording with a tick; one that still waits leaves no file."""
         with self._lock:
             if self._file is None:
                 raise InputError("record: no recording runs", code="no-recording", key="record")
-            if self._next is None:
+            if self._next_row is None:
                 path = self._file.path
-                self._end("left, nothing crossed")
+                self._close_file("left, nothing crossed")
                 path.unlink()  # after it was closed: Windows takes away no file that is open
             else:
-                self._last = min(self._last, tick)
+                self._last_row = min(self._last_row, tick)
 
     def note(self, tick: int, text: str) -> None:
         """Write what was changed to the recording that runs."""
         with self._lock:
             if self._file is not None:
-                self._guarded(lambda file: file.note(tick, text))
+                self._write_or_stop(lambda file: file.write_note(tick, text))
 
     def run(self, subscription: Subscription) -> None:
         """Keep and write what comes until nothing does; the work of a thread of its own."""
         while True:
             try:
-                rows = subscription.get(0.0 if self._behind() else _PATIENCE_S)
+                rows = subscription.get(0.0 if self._has_rows_to_write() else _MAX_WRITE_DELAY_S)
             except TimeoutError:
                 rows = np.empty((0, 0))
             with self._lock:
                 if rows is None:
                     break
                 if len(rows):
-                    self._keep(rows)
-                self._write()
+                    self._buffer_rows(rows)
+                self._write_waiting_rows()
         with self._lock:
-            while self._behind():
-                self._write()
+            while self._has_rows_to_write():
+                self._write_waiting_rows()
             if self._file is not None:
-                self._end("written")
+                self._close_file("written")
 
     def status(self) -> Mapping[str, Any] | None:
         """Return what a page shows of the recording that runs."""
@@ -401,56 +432,65 @@ class TickRecorder:
             file = self._file
             if file is None:
                 return None
-            return {"file": file.path.name, "rows": file.rows, "waits": self._next is None}
+            return {"file": file.path.name, "rows": file.rows, "waits": self._next_row is None}
 
-    def _keep(self, rows: FloatArray) -> None:
+    def _buffer_rows(self, rows: FloatArray) -> None:
         """Add rows to the ring, and look for the crossing among them."""
         last = self._ring.total - 1
-        self._ring.put(rows)
+        self._ring.append(rows)
         crossing = self._span.crossing
-        if self._file is None or self._next is not None or crossing is None:
+        if self._file is None or self._next_row is not None or crossing is None:
             return
-        seen = self._ring.take(max(last, 0), self._ring.total)
+        seen = self._ring.read(max(last, 0), self._ring.total)
         row = crossing.find(seen[:, crossing.column])
         if row is not None:
-            self._frame(int(seen[row, 0]))
+            self._set_limits_around(int(seen[row, 0]))
             self._notify(f"{self._file.path.name}: tick {int(seen[row, 0])} crossed the level")
 
-    def _frame(self, tick: int) -> None:
+    def _set_limits_around(self, tick: int) -> None:
         """Set the first and the last tick around one; rows before the first may still come."""
-        self._first = tick - round(self._span.before * self._rate)
-        self._last = tick - 1 + self._span.lasts * self._rate
-        self._next = self._ring.find(self._first)
+        self._first_row = tick - round(self._span.pretrigger_s * self._rate)
+        self._last_row = tick - 1 + self._span.duration_s * self._rate
+        self._next_row = self._ring.find_tick(self._first_row)
 
-    def _behind(self) -> bool:
+    def _has_rows_to_write(self) -> bool:
         """Whether rows that have come are still to be written."""
-        return self._file is not None and self._next is not None and self._next < self._ring.total
+        return (
+            self._file is not None
+            and self._next_row is not None
+            and self._next_row < self._ring.total
+        )
 
-    def _write(self) -> None:
+    def _write_waiting_rows(self) -> None:
         """Write some of the rows that wait; end the recording with its last tick."""
-        if self._next is None or not self._ring.total:
+        if self._next_row is None or not self._ring.total:
             return
-        end = min(self._ring.total, self._next + _SLICE)
-        rows = self._ring.take(self._next, end)
-        self._next = end
-        wanted = rows[(rows[:, 0] >= self._first) & (rows[:, 0] <= self._last)]
+        end = min(self._ring.total, self._next_row + _ROWS_PER_WRITE)
+        rows = self._ring.read(self._next_row, end)
+        self._next_row = end
+        wanted = rows[(rows[:, 0] >= self._first_row) & (rows[:, 0] <= self._last_row)]
         if len(wanted):
-            self._guarded(lambda file: file.put(wanted))
-        if self._ring.take(end - 1, end)[0, 0] >= self._last:
-            self._end("written")
+            self._write_or_stop(lambda file: file.write_rows(wanted))
+        if self._ring.read(end - 1, end)[0, 0] >= self._last_row:
+            self._close_file("written")
 
-    def _guarded(self, write: Callable[[RecordingFile], None]) -> None:
+    def _write_or_stop(self, write: Callable[[RecordingFile], None]) -> None:
         """Write; a disk that is full ends the recording and not the bench."""
         if self._file is None:
             return
         try:
             write(self._file)
         except OSError as error:
-            self.trouble = f"{self._file.path.name}: {error.strerror}"
-            self._end("broke off")
+            self.error_text = f"{self._file.path.name}: {error.strerror}"
+            self._close_file("broke off")
 
-    def _end(self, how: str) -> None:
+    def _close_file(self, how: str) -> None:
         if self._file is not None:
             self._file.close()
             self._notify(f"{self._file.path.name}: {how}, {self._file.rows} ticks")
-        self._file, self._next, self._last, self._span = None, None, math.inf, Span()
+        self._file, self._next_row, self._last_row, self._span = (
+            None,
+            None,
+            math.inf,
+            RecordingSpan(),
+        )

@@ -16,50 +16,56 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
 from anhyst_rigs.dashboard.generator import DrivenBench, Wave
 from anhyst_rigs.dashboard.improver import Improver
-from anhyst_rigs.dashboard.recording import RecordingFile, Span, TickRecorder
+from anhyst_rigs.dashboard.recording import RecordingFile, RecordingSpan, TickRecorder
 from anhyst_rigs.dashboard.sets import ParameterSets
 from anhyst_rigs.rig.bench.force import demand_refusal
-from anhyst_rigs.rig.bench.pace import PacedBench, going_first
+from anhyst_rigs.rig.bench.pace import PacedBench, raised_priority
 from anhyst_rigs.rig.bench.protocol import (
     Bench,
-    Standing,
+    ControllerStatus,
     Subscription,
-    next_step,
-    refusal,
-    standing,
+    controller_status,
+    describe_next_step,
+    refusal_reason,
 )
-from anhyst_rigs.study.improve import BenchWatch, DrawnLoop, KnownModel
-from anhyst_rigs.study.tracking.beside import BenchLearner
+from anhyst_rigs.study.improve import BenchMonitor, DrawnLoop, ModelWithLoops
+from anhyst_rigs.study.tracking.online_calibration import BenchCalibrator
 
-WATCHES = "another browser operates; ask to take over"
+WATCH_ONLY_REASON = "another browser operates; ask to take over"
 
-_DRIVES = ("target", "generator", "apply")
+_DRIVEN_REASON = ("target", "generator", "apply")
 """What moves a controller, beside commands."""
 
-_BESIDE = ("load", "pace", "record", "improve", "learn", "sets")
+_HARMLESS_ORDERS = ("load", "pace", "record", "improve", "learn", "sets")
 
 
-def disturbs(order: str) -> bool:
+def disturbs_measurement(order: str) -> bool:
     """Return whether an order, or a command by its name, disturbs a measurement; a stop ends it."""
-    return order != "stop" and (order in _DRIVES or order.upper() in Command.__members__)
+    return order != "stop" and (order in _DRIVEN_REASON or order.upper() in Command.__members__)
 
 
-def all_refused(bench: Bench, why: str) -> dict[str, str]:
+def refuse_all(bench: Bench, why: str) -> dict[str, str]:
     """Return every order with the same reason."""
-    return dict.fromkeys((*_commands(bench), *_DRIVES, *_BESIDE), why)
+    return dict.fromkeys((*_commands(bench), *_DRIVEN_REASON, *_HARMLESS_ORDERS), why)
 
 
-def refusals(bench: Bench, now: Standing | None, ended: str, measured: str) -> Mapping[str, str]:
+def find_refusals(
+    bench: Bench, state: ControllerStatus | None, ended: str, measured: str
+) -> Mapping[str, str]:
     """Return the reason of every order that would be refused."""
     if ended:
-        return all_refused(bench, ended)
-    if bench.lost or now is None:
-        return dict.fromkeys((*_commands(bench), *_DRIVES), bench.lost or "no sample has come yet")
-    reasons = {name: refusal(command, now) for name, command in _commands(bench).items()}
-    if bench.aim.unit == "N":
-        reasons |= dict.fromkeys(("target", "generator"), demand_refusal(now.state))
+        return refuse_all(bench, ended)
+    if bench.loss_reason or state is None:
+        return dict.fromkeys(
+            (*_commands(bench), *_DRIVEN_REASON), bench.loss_reason or "no sample has come yet"
+        )
+    reasons = {name: refusal_reason(command, state) for name, command in _commands(bench).items()}
+    if bench.demand_range.unit == "N":
+        reasons |= dict.fromkeys(("target", "generator"), demand_refusal(state.state))
     if measured:
-        reasons |= {name: measured for name in (*reasons, *_DRIVES) if disturbs(name)}
+        reasons |= {
+            name: measured for name in (*reasons, *_DRIVEN_REASON) if disturbs_measurement(name)
+        }
     return {name: why for name, why in reasons.items() if why}
 
 
@@ -67,10 +73,10 @@ def _commands(bench: Bench) -> dict[str, Command]:
     return {command.name.lower(): command for command in bench.commands}
 
 
-_LATE = 10_000
+_MAX_LAG_S = 10_000
 """Chunks that wait for a learner; more than it is ever late by."""
 
-_LOG = 500
+_MAX_LOG_ENTRIES = 500
 """Entries of the log that are kept."""
 
 Listener = Callable[[FloatArray], None]
@@ -98,44 +104,46 @@ class LiveSession:
         folder: Path | None = None,
         improver: Improver | None = None,
         curves: Sequence[DrawnLoop] = (),
-        learner: BenchLearner | None = None,
+        learner: BenchCalibrator | None = None,
     ) -> None:
         self.learner = learner
         self.bench = DrivenBench(
-            bench, lambda why: self.note("bench", f"generator off: {why}"), self._happened
+            bench, lambda why: self.log_change("bench", f"generator off: {why}"), self._log_event
         )
         self.curves = tuple(curves)
         self.improver = improver
-        self.watched: BenchWatch | None = None
-        self._unwatch: Callable[[], None] = lambda: None
-        self.log: deque[LogEntry] = deque(maxlen=_LOG)
+        self.monitored_model: BenchMonitor | None = None
+        self._stop_monitoring: Callable[[], None] = lambda: None
+        self.log: deque[LogEntry] = deque(maxlen=_MAX_LOG_ENTRIES)
         self.logged = 0
         self.parameters = bench.parameters()
         self.applied = 0
         self._names = [signal.name for signal in bench.signals]
         self._values: dict[str, float] = {}
         self._closed = False
-        self._missing, self._newest = 0, 0
+        self._missing_ticks, self._last_tick = 0, 0
         self._listeners: tuple[Listener, ...] = ()
         folder = folder or Path.cwd()
         self.sets = ParameterSets(folder)
-        self.recorder = TickRecorder(bench.signals, bench.rate, folder, self._recorded)
+        self.recorder = TickRecorder(bench.signals, bench.rate, folder, self._log_recorder)
         if recording is not None:
-            self.recorder.take(recording, Span(), 0)
+            self.recorder.start_in_file(recording, RecordingSpan(), 0)
             self._note_parameters()
-        self.paced = PacedBench(self.bench, paused=True)
-        complete = self.paced.subscribe("the recording", complete=True)
+        self.pacer = PacedBench(self.bench, is_paused=True)
+        complete = self.pacer.subscribe("the recording", is_complete=True)
         self._threads = [
-            _begin("pages", self._look_on, self.paced.subscribe("pages")),
-            _begin("recorder", self.recorder.run, complete),
+            _start_thread("pages", self._pass_rows, self.pacer.subscribe("pages")),
+            _start_thread("recorder", self.recorder.run, complete),
         ]
         if learner is not None:
-            learn = partial(learner.run, do=self.do)
-            self._threads.append(_begin("learner", learn, self.paced.subscribe("learner", _LATE)))
+            learn = partial(learner.run, run_on_bench=self.run_between_chunks)
+            self._threads.append(
+                _start_thread("learner", learn, self.pacer.subscribe("learner", _MAX_LAG_S))
+            )
 
     def start(self) -> None:
         """Let time go on."""
-        self.paced.resume()
+        self.pacer.resume()
 
     def close(self) -> None:
         """End the bench, the recording and work beside it; once is enough."""
@@ -144,23 +152,23 @@ class LiveSession:
         self._closed = True
         if self.improver is not None:
             self.improver.close()
-        self.paced.close()
+        self.pacer.close()
         for thread in self._threads:
             thread.join()
         self.bench.close()
 
     @property
-    def measured(self) -> str:
+    def driven_reason(self) -> str:
         """Why nothing may be moved: a measurement drives the controller; empty where none does."""
-        driven = self.improver is not None and self.improver.drives
+        driven = self.improver is not None and self.improver.is_driving
         return "a measurement drives the controller; wait, cancel it, or stop" if driven else ""
 
     @property
-    def ended(self) -> str:
+    def end_reason(self) -> str:
         """Why the bench or the recording goes on no more; empty while they do."""
-        return str(self.paced.error or self.recorder.trouble)
+        return str(self.pacer.error or self.recorder.error_text)
 
-    def listen(self, listener: Listener) -> Callable[[], None]:
+    def subscribe(self, listener: Listener) -> Callable[[], None]:
         """Give every row to a listener, which must not wait; returns what ends it."""
         self._listeners = (*self._listeners, listener)
 
@@ -169,47 +177,47 @@ class LiveSession:
 
         return leave
 
-    def do(self, act: Callable[[], _Result]) -> _Result:
+    def run_between_chunks(self, act: Callable[[], _Result]) -> _Result:
         """Do something between two chunks of ticks, and return what it returned."""
-        return self.paced.do(lambda _: act())
+        return self.pacer.execute(lambda _: act())
 
-    def note(self, who: str, text: str) -> None:
+    def log_change(self, who: str, text: str) -> None:
         """Keep what was changed, in the log and in the recording."""
         self.log.append(LogEntry(self.bench.tick, who, text))
         self.logged += 1
         self.recorder.note(self.bench.tick, f"{who}: {text}")
 
-    def record(self, name: str, span: Span) -> None:
+    def record(self, name: str, span: RecordingSpan) -> None:
         """Begin a recording, with the parameters in force and what was changed of late."""
         tick = self.bench.tick
         self.recorder.start(name, span, tick)
         self._note_parameters()
         for entry in tuple(self.log):
-            if entry.tick >= tick - span.before * self.bench.rate:
+            if entry.tick >= tick - span.pretrigger_s * self.bench.rate:
                 self.recorder.note(entry.tick, f"{entry.who}: {entry.text}")
 
     def stop(self, who: str) -> None:
         """Stop the rig, and time does not stand over it; a refusal is kept too."""
-        self.note(who, "emergency stop")
+        self.log_change(who, "emergency stop")
         try:
             self.bench.command(Command.STOP)
         finally:
             self.generate(None)
-            self.paced.resume()
+            self.pacer.resume()
 
     def generate(self, generator: Wave | None) -> None:
         """Start a generator around the target, or stop it and go back to the target."""
         self.bench.generate(generator)
 
-    def watch(self, known: KnownModel | None) -> None:
+    def monitor(self, known: ModelWithLoops | None) -> None:
         """Hold the rows from now on against a model, or no more."""
         watched = None
         if known is not None:
-            watched = BenchWatch(known.model, self.bench.signals, self.bench.rate)
-        self._unwatch()
-        self.watched = watched
+            watched = BenchMonitor(known.model, self.bench.signals, self.bench.rate)
+        self._stop_monitoring()
+        self.monitored_model = watched
         if watched is not None:
-            self._unwatch = self.listen(watched.take)
+            self._stop_monitoring = self.subscribe(watched.add_rows)
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Put parameters in force together; returns the first tick that uses them."""
@@ -219,20 +227,20 @@ class LiveSession:
 
     def status(self) -> Mapping[str, Any]:
         """Return what a page shows beside the signals."""
-        pacing, generator = self.paced.pace(), self.bench.generator
-        now = standing(self._values) if self._values else None
-        refused = refusals(self.bench, now, self.ended, self.measured)
+        pacing, generator = self.pacer.pacing(), self.bench.generator
+        now = controller_status(self._values) if self._values else None
+        refused = find_refusals(self.bench, now, self.end_reason, self.driven_reason)
         return {
             "tick": pacing.tick,
             "speed": pacing.speed,
-            "paused": pacing.paused,
-            "factor": pacing.factor,
-            "lateness": pacing.late_most,
-            "slips": pacing.slips,
-            "missing": self._missing,
-            "waits_for": pacing.waits_for,
+            "paused": pacing.is_paused,
+            "factor": pacing.measured_speed,
+            "lateness": pacing.max_lateness,
+            "slips": pacing.slip_count,
+            "missing": self._missing_ticks,
+            "waits_for": pacing.awaited_recorder,
             "target": self.bench.target,
-            "load": self.bench.pulled,
+            "load": self.bench.load_N,
             "state": int(self._values.get("state", 0)),
             "fault": int(self._values.get("fault", 0)),
             "refused": refused,
@@ -240,20 +248,20 @@ class LiveSession:
             "generator": None if generator is None else generator.as_dict(),
             "recording": self.recorder.status(),
             "sets": self.sets.names,
-            "lost": self.bench.lost,
-            "ended": self.ended,
+            "lost": self.bench.loss_reason,
+            "ended": self.end_reason,
             "improve": None if self.improver is None else self.improver.status(),
             "learn": None if self.learner is None else self.learner.status(),
-            "watch": None if self.watched is None else self.watched.status(),
+            "watch": None if self.monitored_model is None else self.monitored_model.status(),
         }
 
-    def _next_step(self, now: Standing | None) -> str:
+    def _next_step(self, now: ControllerStatus | None) -> str:
         """Return what to do next so that it runs, in words; empty while it does."""
-        if self.ended:
+        if self.end_reason:
             return "start anhyst live again"
-        if now is None or self.bench.lost or self.measured:
+        if now is None or self.bench.loss_reason or self.driven_reason:
             return ""
-        return next_step(self.bench.commands, now)
+        return describe_next_step(self.bench.commands, now)
 
     def _note_parameters(self) -> None:
         in_force = ", ".join(
@@ -261,36 +269,36 @@ class LiveSession:
         )
         self.recorder.note(self.bench.tick, f"in force: {in_force or 'no parameters'}")
 
-    def _recorded(self, text: str) -> None:
+    def _log_recorder(self, text: str) -> None:
         """Log what the recorder did."""
         self.log.append(LogEntry(self.bench.tick, "recorder", text))
         self.logged += 1
 
-    def _happened(self, text: str) -> None:
+    def _log_event(self, text: str) -> None:
         """Log what happened to the controller; what it has in force is as it says."""
-        self.note("controller", text)
+        self.log_change("controller", text)
         self.parameters = self.bench.parameters()
-        if self.improver is not None and not self.bench.lost:
+        if self.improver is not None and not self.bench.loss_reason:
             with suppress(InputError):  # it is lost again, and this comes again
-                self.improver.look_again()
-                self.curves = self.improver.known.curves
+                self.improver.check_after_reconnect()
+                self.curves = self.improver.known_model.curves
 
-    def _look_on(self, subscription: Subscription) -> None:
+    def _pass_rows(self, subscription: Subscription) -> None:
         while (rows := subscription.get()) is not None:
             for listener in self._listeners:
                 listener(rows)
-            if self._newest:
-                passed = int(rows[-1, 0]) - self._newest
-                self._missing += passed // self.bench.every - len(rows)
-            self._newest = int(rows[-1, 0])
+            if self._last_tick:
+                passed = int(rows[-1, 0]) - self._last_tick
+                self._missing_ticks += passed // self.bench.ticks_per_row - len(rows)
+            self._last_tick = int(rows[-1, 0])
             self._values = dict(zip(self._names, rows[-1, 1:].tolist(), strict=True))
 
 
-def _begin(
+def _start_thread(
     name: str, work: Callable[[Subscription], None], subscription: Subscription
 ) -> threading.Thread:
     def run() -> None:
-        with going_first():
+        with raised_priority():
             work(subscription)
 
     thread = threading.Thread(target=run, name=name, daemon=True)
@@ -298,7 +306,7 @@ def _begin(
     return thread
 
 
-def finite(fields: Mapping[str, Any], key: str) -> float:
+def read_finite_number(fields: Mapping[str, Any], key: str) -> float:
     """Return a number of a message."""
     value = fields.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):

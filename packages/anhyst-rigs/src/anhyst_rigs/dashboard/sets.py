@@ -14,12 +14,12 @@ from anhyst.support.atomic import atomic_writer, json_text
 from anhyst.support.errors import InputError
 from anhyst_rigs.rig.bench.protocol import Parameter
 
-ENDING = ".parameters.json"
+FILE_SUFFIX = ".parameters.json"
 
 _FORMAT = "anhyst-parameters"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,59}")
-_MOST = 200
-_LARGEST = 1 << 20
+_MAX_SETS = 200
+_MAX_FILE_BYTES = 1 << 20
 
 
 class ParameterSets:
@@ -28,19 +28,19 @@ class ParameterSets:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self.names: tuple[str, ...] = ()
-        self._look()
+        self._list_names()
 
     def save(self, name: str, parameters: Sequence[Parameter]) -> None:
         """Write the values in force under a new name."""
         path = self._path(name)
-        self._look()
+        self._list_names()
         if name in self.names:
             raise InputError(
                 f"{path.name}: is there already; name a new set", code="exists-already"
             )
-        if len(self.names) >= _MOST:
+        if len(self.names) >= _MAX_SETS:
             raise InputError(
-                f"sets: {_MOST} stand in the folder; remove some of their files",
+                f"sets: {_MAX_SETS} stand in the folder; remove some of their files",
                 code="too-many-sets",
                 key="sets",
             )
@@ -49,14 +49,14 @@ class ParameterSets:
         content = {"format": _FORMAT, "version": 1, "saved": saved, "parameters": values}
         with atomic_writer(path) as file:
             file.write(json_text(content))
-        self._look()
+        self._list_names()
 
     def read(self, name: str) -> dict[str, dict[str, Any]]:
         """Return a set: value and unit of each parameter, by name."""
         path = self._path(name)
         try:
             with path.open(encoding="utf-8") as file:
-                content = json.loads(file.read(_LARGEST))
+                content = json.loads(file.read(_MAX_FILE_BYTES))
         except OSError as error:
             raise InputError(f"{path.name}: {error.strerror}", code="cannot-be-read") from None
         except ValueError:
@@ -68,7 +68,7 @@ class ParameterSets:
             raise InputError(
                 f"{path.name}: parameters: are missing", code="missing", key="parameters"
             )
-        return {str(key): _entry(path.name, key, one) for key, one in values.items()}
+        return {str(key): _read_entry(path.name, key, one) for key, one in values.items()}
 
     def _path(self, name: str) -> Path:
         if not _NAME.fullmatch(name):
@@ -77,37 +77,41 @@ class ParameterSets:
                 code="bad-name",
                 key="set",
             )
-        return self._folder / f"{name}{ENDING}"
+        return self._folder / f"{name}{FILE_SUFFIX}"
 
-    def _look(self) -> None:
-        names = (path.name.removesuffix(ENDING) for path in self._folder.glob(f"*{ENDING}"))
-        self.names = tuple(sorted(name for name in names if _NAME.fullmatch(name))[:_MOST])
+    def _list_names(self) -> None:
+        names = (
+            path.name.removesuffix(FILE_SUFFIX) for path in self._folder.glob(f"*{FILE_SUFFIX}")
+        )
+        self.names = tuple(sorted(name for name in names if _NAME.fullmatch(name))[:_MAX_SETS])
 
 
-def _entry(file: str, key: object, one: object) -> dict[str, Any]:
-    value = one.get("value") if isinstance(one, Mapping) else None
-    unit = one.get("unit") if isinstance(one, Mapping) else None
+def _read_entry(file: str, key: object, entry: object) -> dict[str, Any]:
+    value = entry.get("value") if isinstance(entry, Mapping) else None
+    unit = entry.get("unit") if isinstance(entry, Mapping) else None
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not number or not math.isfinite(float(str(value))) or not isinstance(unit, str):
         raise InputError(f"{file}: {key}: has no value with a unit", code="no-value-with-unit")
     return {"value": value, "unit": unit}
 
 
-def values_for(
-    parameters: Sequence[Parameter], held: Mapping[str, Mapping[str, Any]]
+def changed_values(
+    parameters: Sequence[Parameter], saved: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, float]:
     """Return those values of a set that differ from what is in force."""
-    here = {one.name: one for one in parameters}
-    for name, one in held.items():
-        if name not in here:
+    current = {one.name: one for one in parameters}
+    for name, one in saved.items():
+        if name not in current:
             raise InputError(
                 f"set: {name}: is no parameter of this bench", code="unknown-parameter", key=name
             )
-        if one["unit"] != here[name].unit:
+        if one["unit"] != current[name].unit:
             raise InputError(
                 f"set: {name}: is in {one['unit'] or 'no unit'}, here it is in "
-                f"{here[name].unit or 'no unit'}",
+                f"{current[name].unit or 'no unit'}",
                 code="units-differ",
                 key=name,
             )
-    return {name: one["value"] for name, one in held.items() if one["value"] != here[name].value}
+    return {
+        name: one["value"] for name, one in saved.items() if one["value"] != current[name].value
+    }

@@ -14,71 +14,71 @@ import uvicorn
 from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
-from anhyst.support.kinds import COMPILED, kind_of
-from anhyst_rigs.dashboard.browsers import names_of, read_address
-from anhyst_rigs.dashboard.connections import server_of
+from anhyst.support.kinds import COMPILED_FOLDER, file_kind
+from anhyst_rigs.dashboard.browsers import allowed_host_names, read_address
+from anhyst_rigs.dashboard.connections import make_quiet_server
 from anhyst_rigs.dashboard.improver import BlockHolder, Improver
 from anhyst_rigs.dashboard.recording import RecordingFile, start_recording
-from anhyst_rigs.dashboard.server import MESSAGE_MOST, LiveServer
+from anhyst_rigs.dashboard.server import MAX_MESSAGE_BYTES, LiveServer
 from anhyst_rigs.dashboard.session import LiveSession
-from anhyst_rigs.dashboard.starting import start_page
-from anhyst_rigs.rig.bench.pace import going_first
+from anhyst_rigs.dashboard.starting import serve_start_page
+from anhyst_rigs.rig.bench.pace import raised_priority
 from anhyst_rigs.rig.bench.protocol import Bench
-from anhyst_rigs.study.bench import address_of, open_board, prepare_board, prepared_once
-from anhyst_rigs.study.prepared import Prepared
-from anhyst_rigs.study.tracking.beside import BenchLearner
+from anhyst_rigs.study.bench import controller_url, open_board, prepare_board, prepare_cached
+from anhyst_rigs.study.prepared_benches import Prepared
+from anhyst_rigs.study.tracking.online_calibration import BenchCalibrator
 
-_HTTP_MOST = 512
+_MAX_CONNECTIONS = 512
 """Connections at a time, of pages that load and of those that are open; half of the files that a
 process may open on most systems."""
 
-_SLOW_S = 60.0
+_SLOW_START_S = 60.0
 """A browser that has not read for so long has gone, s; a slow one has frames to draw before."""
 
-_GO_S = 2
+_SHUTDOWN_S = 2
 """For browsers to go when the server ends, s."""
 
 
 def listen_on(host: str, port: int) -> socket.socket:
     """Take an address."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    taken = socket.socket(family, socket.SOCK_STREAM)
-    taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    listening_socket = socket.socket(family, socket.SOCK_STREAM)
+    listening_socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        taken.bind((host, port))
-        taken.listen(socket.SOMAXCONN)
+        listening_socket.bind((host, port))
+        listening_socket.listen(socket.SOMAXCONN)
     except OSError as error:
-        taken.close()
+        listening_socket.close()
         raise InputError(
             f"--listen {host}:{port}: {error.strerror}; name another port",
             code="port-not-open",
             key="--listen",
         ) from None
-    return taken
+    return listening_socket
 
 
 def make_server(
     session: LiveSession, title: str, address: tuple[str, int], token: str = ""
 ) -> uvicorn.Server:
     """Return the server of a page for a session."""
-    return server_of(
-        LiveServer(session, title, names_of(*address), token).app,
+    return make_quiet_server(
+        LiveServer(session, title, allowed_host_names(*address), token).app,
         ws="websockets-sansio",
-        ws_max_size=MESSAGE_MOST,
+        ws_max_size=MAX_MESSAGE_BYTES,
         ws_per_message_deflate=False,
-        ws_ping_timeout=_SLOW_S,
-        limit_concurrency=_HTTP_MOST,
-        timeout_graceful_shutdown=_GO_S,
+        ws_ping_timeout=_SLOW_START_S,
+        limit_concurrency=_MAX_CONNECTIONS,
+        timeout_graceful_shutdown=_SHUTDOWN_S,
     )
 
 
-_HAND_OVER_S = 0.5e-3
+_SWITCH_INTERVAL_S = 0.5e-3
 """For which a thread computes on while the pacer waits; of Python's own 5 ms a chunk meets several."""
 
 
-def settle() -> None:
+def reduce_latency() -> None:
     """Let nothing hold the pacer up: no other thread, no garbage collected through all that stays."""
-    sys.setswitchinterval(_HAND_OVER_S)
+    sys.setswitchinterval(_SWITCH_INTERVAL_S)
     gc.collect()
     gc.freeze()
 
@@ -86,25 +86,25 @@ def settle() -> None:
 def serve(
     session: LiveSession,
     title: str,
-    taken: socket.socket,
+    listening_socket: socket.socket,
     token: str = "",
     started: Callable[[str], None] | None = None,
 ) -> None:
     """Serve a page for a session until ctrl-C; the session is ended then."""
-    host, port = taken.getsockname()[:2]
+    host, port = listening_socket.getsockname()[:2]
     server = make_server(session, title, (host, port), token)
-    settle()
+    reduce_latency()
     session.start()
     try:
         if started is not None:
             started(f"http://{f'[{host}]' if ':' in host else host}:{port}/")
-        with going_first():
-            server.run(sockets=[taken])
+        with raised_priority():
+            server.run(sockets=[listening_socket])
     except KeyboardInterrupt:
         pass  # the way to end it
     finally:
         session.close()
-        taken.close()
+        listening_socket.close()
 
 
 def live(
@@ -122,7 +122,7 @@ def live(
 ) -> RecordingFile | None:
     """Show, operate and record a rig in a browser until ctrl-C: `anhyst.live`."""
     check_path(rig, "live: rig", "the path of a rig file")
-    url = address_of(xcp, port)
+    url = controller_url(xcp, port)
     if url is None and known is not None:
         raise InputError(
             "--rig: the rig file of a virtual rig is the argument; leave --rig out",
@@ -135,7 +135,7 @@ def live(
             code="option-not-for-this",
             key="--controller",
         )
-    if url is None and kind_of(rig) is COMPILED:
+    if url is None and file_kind(rig) is COMPILED_FOLDER:
         raise InputError(
             f"{rig}: runs on a controller; name it with --xcp or --port",
             code="options-missing",
@@ -148,14 +148,14 @@ def live(
     title = name if url is None else f"{name} at {url}"
     work = f"building model and controller of {name}" if url is None else f"connecting to {url}"
     with listen_on(*read_address(listen, token)) as taken:
-        with start_page(taken, title, work) as start:
+        with serve_start_page(taken, title, work) as start:
 
             def told(done: float, total: float) -> None:
                 start.update(done, total)
                 if progress is not None:
                     progress(done, total)
 
-            bench, improver, learner = _open(rig, controller, url, known, told)
+            bench, improver, learner = _open_bench(rig, controller, url, known, told)
             try:
                 recording = (
                     None if place is None else start_recording(place, bench.signals, bench.rate)
@@ -168,30 +168,30 @@ def live(
             recording,
             Path() if place is None else place.parent,
             improver,
-            improver.known.curves if improver else (),
+            improver.known_model.curves if improver else (),
             learner,
         )
         serve(session, title, taken, shown, started and (lambda address: started(address, shown)))
     return recording
 
 
-def _open(
+def _open_bench(
     rig: Path,
     controller: PathLike | None,
     url: str | None,
     known: PathLike | None,
     progress: Progress | None,
-) -> tuple[Bench, Improver | None, BenchLearner | None]:
+) -> tuple[Bench, Improver | None, BenchCalibrator | None]:
     """Open a virtual rig, with what improves or calibrates it, or a controller that runs."""
     if url is not None:
         on_board = None if known is None else prepare_board(known, rig)
         board = open_board(rig, url)
         return board, None if on_board is None else Improver(on_board, board), None
-    with prepared_once(rig, controller, progress) as prepared:
-        return opened(prepared)  # a firmware runs on without the folder
+    with prepare_cached(rig, controller, progress) as prepared:
+        return open_prepared(prepared)  # a firmware runs on without the folder
 
 
-def opened(prepared: Prepared) -> tuple[Bench, Improver | None, BenchLearner | None]:
+def open_prepared(prepared: Prepared) -> tuple[Bench, Improver | None, BenchCalibrator | None]:
     """Open what was prepared, with what improves or calibrates it."""
     bench, learner = prepared.open_with_learner()
     if prepared.improvable is None:

@@ -16,42 +16,42 @@ from dataclasses import dataclass
 
 from anhyst.support.errors import InputError
 from anhyst_rigs.draft.magnet import Machine, MeasuredMagnet
-from anhyst_rigs.draft.text import down, nearest, step_down, step_up, up
+from anhyst_rigs.draft.text import round_down, round_nearest, round_up, step_down, step_up
 
-POLES_IN_BANDWIDTH = 1.4
+BANDWIDTH_PER_POLE = 1.4
 """The controller's poles lie so many times farther out than the unstable one."""
 
-TICKS_IN_BANDWIDTH = 150.0
+RATE_PER_BANDWIDTH = 150.0
 """Ticks a second for each hertz of bandwidth: one of delay costs 2 degrees of phase."""
 
-LEAST_TICKS = 60.0
+MIN_RATE_PER_BANDWIDTH = 60.0
 """With fewer, the delay of a tick makes the loop overshoot."""
 
-SLOWEST = 2.0
+MIN_BANDWIDTH_HZ = 2.0
 """Bandwidth in Hz below which lifting off would take longer than anybody waits."""
 
-RATES = 1e3, 200e3
+RATE_LIMITS_HZ = 1e3, 200e3
 """Ticks a second, least and most."""
 
-AMPLIFIER = 20.0
+AMPLIFIER_PER_BANDWIDTH = 20.0
 """Bandwidth of the current control over that of the position control."""
 
-SWING = 5.0
+FULL_SWING_PER_BANDWIDTH = 5.0
 """Up to so many times the bandwidth of the position control the supply can swing the current over
 its whole range."""
 
-COPPER_S = 0.02
+WINDING_TIME_CONSTANT_S = 0.02
 """Inductance over resistance of a winding, s."""
 
-SUPPLIES = (1.0, 1.2, 1.5, 2.4, 3.0, 4.8, 6.0, 10.0)
+SUPPLY_STEPS = (1.0, 1.2, 1.5, 2.4, 3.0, 4.8, 6.0, 10.0)
 """Usual voltages, in any decade."""
 
-AUTHORITY = 0.9
+MAX_STEP_FORCE_RATIO = 0.9
 """A step may need such a share of what is left of the force to either side of the load."""
 
 
 @dataclass(frozen=True, slots=True)
-class Numbers:
+class BearingDesign:
     """What the rules give; SI units."""
 
     pole: float  # unstable pole of the bearing at constant current, or what takes its place, Hz
@@ -66,47 +66,49 @@ class Numbers:
     gap_step: float  # largest change of the gap in one tick, m
 
 
-def numbers_of(machine: Machine, reach: MeasuredMagnet) -> Numbers:
+def design_bearing(machine: Machine, magnet: MeasuredMagnet) -> BearingDesign:
     """Apply the rules."""
     mass, load, gap = machine.mass.number, machine.load.number, machine.gap.number
-    tangent = reach.slopes(load, gap)
+    tangent = magnet.slopes(load, gap)
     stiffness = max(tangent.k_s, load / gap)
     pole = math.sqrt(stiffness / mass) / (2.0 * math.pi)
-    bandwidth = nearest(POLES_IN_BANDWIDTH * pole)
-    if LEAST_TICKS * bandwidth > RATES[1]:
+    bandwidth = round_nearest(BANDWIDTH_PER_POLE * pole)
+    if MIN_RATE_PER_BANDWIDTH * bandwidth > RATE_LIMITS_HZ[1]:
         raise InputError(
             f"mass: {mass:g} kg on {load:g} N at {gap:g} m has an unstable pole of {pole:.0f} Hz, "
-            f"too fast for {RATES[1]:g} ticks a second; give a larger mass or a smaller load",
+            f"too fast for {RATE_LIMITS_HZ[1]:g} ticks a second; give a larger mass or a smaller load",
             code="pole-too-fast",
             key="mass",
         )
-    if bandwidth < SLOWEST:
+    if bandwidth < MIN_BANDWIDTH_HZ:
         raise InputError(
             f"load: {load:g} N hardly moves {mass:g} kg: they would take {0.5 / bandwidth:.2g} s "
             "for a step; give a larger load or a smaller mass",
             code="load-too-small",
             key="load",
         )
-    rate = min(max(step_up(TICKS_IN_BANDWIDTH * bandwidth), RATES[0]), RATES[1])
-    force_high = down(reach.usable(gap))
-    per_metre = mass * (2.0 * math.pi * bandwidth) ** 2
-    authority = AUTHORITY * min(load, force_high - load) / per_metre
+    rate = min(max(step_up(RATE_PER_BANDWIDTH * bandwidth), RATE_LIMITS_HZ[0]), RATE_LIMITS_HZ[1])
+    force_high = round_down(magnet.usable_force(gap))
+    force_per_metre = mass * (2.0 * math.pi * bandwidth) ** 2
+    authority = MAX_STEP_FORCE_RATIO * min(load, force_high - load) / force_per_metre
     highest = step_down(min(machine.clearance, authority))
-    heights = tuple(nearest(share * highest) for share in (0.1, 0.2, 0.5, 1.0))
+    heights = tuple(round_nearest(share * highest) for share in (0.1, 0.2, 0.5, 1.0))
     travel = machine.stops[1] - machine.stops[0]
     sensor_step = min(50e-9, step_down(heights[0] / 50.0))
     speed = math.sqrt(2.0 * travel * (force_high + 1.2 * force_high) / mass)
     inductance = tangent.k_i**2 / stiffness
-    swing = (math.pi * SWING * bandwidth + 1.0 / COPPER_S) * reach.current_high
-    return Numbers(
+    swing = (
+        math.pi * FULL_SWING_PER_BANDWIDTH * bandwidth + 1.0 / WINDING_TIME_CONSTANT_S
+    ) * magnet.current_high
+    return BearingDesign(
         pole=pole,
         bandwidth=bandwidth,
         rate=rate,
         inductance=inductance,
-        amplifier_bandwidth=nearest(min(AMPLIFIER * bandwidth, rate / 8.0)),
-        supply=step_up(inductance * swing, SUPPLIES),
+        amplifier_bandwidth=round_nearest(min(AMPLIFIER_PER_BANDWIDTH * bandwidth, rate / 8.0)),
+        supply=step_up(inductance * swing, SUPPLY_STEPS),
         force_high=force_high,
         heights=heights,
         sensor_step=sensor_step,
-        gap_step=up(speed / rate + 20.0 * sensor_step),
+        gap_step=round_up(speed / rate + 20.0 * sensor_step),
     )

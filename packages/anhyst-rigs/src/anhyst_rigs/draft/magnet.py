@@ -10,27 +10,27 @@ from itertools import pairwise
 import numpy as np
 
 from anhyst.data import Loop, Loops
-from anhyst.data.estimates import noise
+from anhyst.data.estimates import estimate_noise
 from anhyst.data.output_map import is_electromagnet
-from anhyst.data.speeds import rate_matters, slow_loops, speeds_of
+from anhyst.data.speeds import find_rate_effect, group_by_speed, select_slow_loops
 from anhyst.data.surface import Tangent, fit_plane, fit_surface
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.draft.text import down, nearest
+from anhyst_rigs.draft.text import round_down, round_nearest
 
-NEAR_TOP = 0.95
+TOP_CURRENT_RATIO = 0.95
 """Share of the largest current from which samples say what force it makes."""
 
-RESERVE = 0.95
+USABLE_FORCE_RATIO = 0.95
 """Share of the measured force that a controller may ask for."""
 
-WEAKEST = 4.0
+MAX_WEAKEST_FORCE_RATIO = 4.0
 """It may ask for so many times what the loops reach at the weakest gap."""
 
-RESOLVED = 0.01
+MIN_LOAD_RATIO = 0.01
 """Share of that force from which a load is distinguished from none."""
 
-LEAST_BRANCH = 12
+MIN_BRANCH_SAMPLES = 12
 """Samples of one branch from which its noise can be estimated."""
 
 
@@ -45,7 +45,7 @@ class MeasuredMagnet:
     # cycles a second and A/s of the fastest loops; None where rate does not matter
     fastest: tuple[float, float] | None = None
 
-    def usable(self, gap: float) -> float:
+    def usable_force(self, gap: float) -> float:
         """Return the largest force that a controller at a gap is to ask for, N.
 
         A little less than the loops reach there; and not much more than they reach at the weakest
@@ -53,12 +53,12 @@ class MeasuredMagnet:
         """
         # Over the gap the reciprocal root of the force is nearly straight.
         force = float(np.interp(gap, self.gaps, self.forces**-0.5) ** -2)
-        return min(RESERVE * force, WEAKEST * float(self.forces.min()))
+        return min(USABLE_FORCE_RATIO * force, MAX_WEAKEST_FORCE_RATIO * float(self.forces.min()))
 
     def slopes(self, force: float, gap: float) -> Tangent:
         """Return the slopes of the force over current and gap at an operating point."""
-        force_high = self.usable(gap)
-        if force < RESOLVED * force_high:
+        force_high = self.usable_force(gap)
+        if force < MIN_LOAD_RATIO * force_high:
             raise InputError(
                 f"load: {force:g} N is less than a hundredth of the {force_high:.4g} N that the "
                 "magnet may pull: the loops do not say enough about it; give a larger one, or "
@@ -70,7 +70,7 @@ class MeasuredMagnet:
         tangent = fit_plane(
             fit_surface(self.loops, (0.0, force_high), ends), force, gap, force_high
         )
-        if not tangent.per_force > 0.0:
+        if not tangent.current_per_force > 0.0:
             raise InputError(
                 f"at {force:.4g} N and a gap of {gap:g} m the force does not rise with the "
                 "current; look at the loops with anhyst inspect",
@@ -81,15 +81,15 @@ class MeasuredMagnet:
     @property
     def noise(self) -> tuple[float, float]:
         """Standard deviations of the noise of current and force between turning points, A and N."""
-        found = [
-            (noise(loop.input[start:end]), noise(loop.output[start:end]))
+        noises = [
+            (estimate_noise(loop.input[start:end]), estimate_noise(loop.output[start:end]))
             for loop in self.loops.loops
             for start, end in pairwise([0, int(np.argmax(loop.input)), int(loop.n)])
-            if end - start >= LEAST_BRANCH
+            if end - start >= MIN_BRANCH_SAMPLES
         ]
-        if not found:
+        if not noises:
             return 0.0, 0.0
-        current, force = np.median(np.array(found), axis=0)
+        current, force = np.median(np.array(noises), axis=0)
         return float(current), float(force)
 
     @property
@@ -107,14 +107,14 @@ class MeasuredMagnet:
         return (step, sweep) if step > 0.0 and sweep > 0.0 else None
 
 
-def reach_of(loops: Loops) -> MeasuredMagnet:
+def evaluate_loops(loops: Loops) -> MeasuredMagnet:
     """Look at the loops of a magnet."""
     if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
         raise InputError("a rig needs columns I_A, F_N and gap_m", code="columns-missing")
-    fastest, loops = _fastest(loops), slow_loops(loops)
+    fastest, loops = _fastest_rate(loops), select_slow_loops(loops)
     groups = loops.by_schedule()
     current_high = min(max(float(loop.input.max()) for loop in group) for group in groups.values())
-    current_high = nearest(current_high, 3)  # what is read is restless
+    current_high = round_nearest(current_high, 3)  # what is read is restless
     if not current_high > 0.0:
         text = "at one gap no current above 0 A was measured; turn the sign of the current"
         raise InputError(text, code="current-negative")
@@ -126,43 +126,43 @@ def reach_of(loops: Loops) -> MeasuredMagnet:
     return MeasuredMagnet(loops, gaps, current_high, forces, fastest)
 
 
-def _fastest(loops: Loops) -> tuple[float, float] | None:
-    speeds = speeds_of(loops)
-    if speeds is None or rate_matters(loops, speeds) is None:
+def _fastest_rate(loops: Loops) -> tuple[float, float] | None:
+    speeds = group_by_speed(loops)
+    if speeds is None or find_rate_effect(loops, speeds) is None:
         return None
     steps = [
         np.diff(one.input) / np.diff(one.time) for one in speeds.fast[-1] if one.time is not None
     ]
-    return speeds.fastest, float(np.median(np.abs(np.concatenate(steps))))
+    return speeds.fastest_rate, float(np.median(np.abs(np.concatenate(steps))))
 
 
 def _force_at_top(group: Sequence[Loop], current_high: float) -> float:
     """Return the force at the largest current, N: a line through the samples near it."""
     current = np.concatenate([loop.input for loop in group])
     force = np.concatenate([loop.output for loop in group])
-    top = np.abs(current - current_high) <= (1.0 - NEAR_TOP) * current_high
+    top = np.abs(current - current_high) <= (1.0 - TOP_CURRENT_RATIO) * current_high
     current, force = current[top], force[top]
-    if np.ptp(current) < 0.1 * (1.0 - NEAR_TOP) * current_high:
+    if np.ptp(current) < 0.1 * (1.0 - TOP_CURRENT_RATIO) * current_high:
         return float(np.mean(force))
     _, level = np.polyfit(current - current_high, force, 1)
     return float(level)
 
 
-GRAVITY = 9.81
+GRAVITY_M_PER_S2 = 9.81
 """m/s^2."""
 
-LIFT = 1.1
+MIN_LIFT_RATIO = 1.1
 """Loops of every gap must reach so many times the load, or the armature hardly leaves its rest."""
 
-USED = 0.5
+DEFAULT_LOAD_RATIO = 0.5
 """Share of the force at the weakest gap that a load is guessed to be."""
 
-ROOM = 0.05
+STOP_CLEARANCE_RATIO = 0.05
 """Share of the travel that must be left between the operating gap and either stop."""
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class MachineRequest:
     """What a user says of a machine; None for what is to be guessed."""
 
     mass: float | None = None  # of what moves, kg
@@ -171,7 +171,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True)
-class Value:
+class GuessedValue:
     """A number, and from what it was guessed; empty where it was given."""
 
     number: float
@@ -182,9 +182,9 @@ class Value:
 class Machine:
     """What moves, what pulls at it and where."""
 
-    mass: Value  # kg, N, m
-    load: Value
-    gap: Value
+    mass: GuessedValue  # kg, N, m
+    load: GuessedValue
+    gap: GuessedValue
     stops: tuple[float, float]  # least and largest gap, m
 
     @property
@@ -193,7 +193,7 @@ class Machine:
         gap = self.gap.number
         return min(gap - self.stops[0], self.stops[1] - gap)
 
-    def guessed(self) -> dict[str, str]:
+    def list_guesses(self) -> dict[str, str]:
         """Return what was not given: option with its value, and from what it was guessed."""
         return {
             f"--{name} {value.number:g}": value.guess
@@ -202,37 +202,37 @@ class Machine:
         }
 
 
-def machine_of(wanted: Wanted, reach: MeasuredMagnet) -> Machine:
+def complete_machine(request: MachineRequest, magnet: MeasuredMagnet) -> Machine:
     """Complete what a user says of a machine."""
     for name, number, unit in (
-        ("mass", wanted.mass, "kg"),
-        ("load", wanted.load, "N"),
-        ("gap", wanted.gap, "m"),
+        ("mass", request.mass, "kg"),
+        ("load", request.load, "N"),
+        ("gap", request.gap, "m"),
     ):
         if number is not None and not (math.isfinite(number) and number > 0.0):
             text = f"{name}: {number:g} {unit} is not above 0; correct it"
             raise InputError(text, code="not-above-zero", key=name)
-    gap = _gap(wanted, reach)
-    load = _load(wanted, reach)
-    if wanted.mass is not None:
-        mass = Value(wanted.mass)
+    gap = _choose_gap(request, magnet)
+    load = _choose_load(request, magnet)
+    if request.mass is not None:
+        mass = GuessedValue(request.mass)
     else:
-        mass = Value(nearest(load.number / GRAVITY), "the load is its weight")
-    return Machine(mass, load, gap, (float(reach.gaps[0]), float(reach.gaps[-1])))
+        mass = GuessedValue(round_nearest(load.number / GRAVITY_M_PER_S2), "the load is its weight")
+    return Machine(mass, load, gap, (float(magnet.gaps[0]), float(magnet.gaps[-1])))
 
 
-def _gap(wanted: Wanted, reach: MeasuredMagnet) -> Value:
-    low, high = float(reach.gaps[0]), float(reach.gaps[-1])
-    if reach.gaps.size < 2:
+def _choose_gap(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue:
+    low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
+    if magnet.gaps.size < 2:
         raise InputError(
             f"loops at one gap only, {low:g} m: a bearing moves; measure loops at a smaller and a "
             "larger one",
             code="single-gap",
         )
-    if wanted.gap is None:
-        return Value(nearest(0.5 * (low + high), 3), "the middle of the measured gaps")
-    gap, room = wanted.gap, ROOM * (high - low)
-    if not low + room <= gap <= high - room:
+    if request.gap is None:
+        return GuessedValue(round_nearest(0.5 * (low + high), 3), "the middle of the measured gaps")
+    gap, clearance = request.gap, STOP_CLEARANCE_RATIO * (high - low)
+    if not low + clearance <= gap <= high - clearance:
         hints = [
             f", {gap:g}{exponent} m if {unit} are meant"
             for exponent, unit in (("e-3", "millimetres"), ("e-6", "micrometres"))
@@ -240,28 +240,33 @@ def _gap(wanted: Wanted, reach: MeasuredMagnet) -> Value:
         ]
         raise InputError(
             f"gap: {gap:g} m is not well within the measured gaps of {low:g} to {high:g} m, which "
-            f"are the stops; give one from {low + room:g} to {high - room:g} m{''.join(hints)}",
+            f"are the stops; give one from {low + clearance:g} to {high - clearance:g} m{''.join(hints)}",
             code="gaps-not-covered",
             key="gap",
         )
-    return Value(gap)
+    return GuessedValue(gap)
 
 
-def _load(wanted: Wanted, reach: MeasuredMagnet) -> Value:
-    weakest = int(reach.forces.argmin())  # the largest gap, but of a solenoid with a cone
-    reached, where = float(reach.forces[weakest]), float(reach.gaps[weakest])
-    if wanted.load is not None:
-        load = Value(wanted.load)
-    elif wanted.mass is not None:
-        load = Value(nearest(wanted.mass * GRAVITY, 3), "the weight of the mass")
+def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue:
+    weakest = int(magnet.forces.argmin())  # the largest gap, but of a solenoid with a cone
+    weakest_force, weakest_gap = float(magnet.forces[weakest]), float(magnet.gaps[weakest])
+    if request.load is not None:
+        load = GuessedValue(request.load)
+    elif request.mass is not None:
+        load = GuessedValue(
+            round_nearest(request.mass * GRAVITY_M_PER_S2, 3), "the weight of the mass"
+        )
     else:
-        load = Value(down(USED * reached), f"{100.0 * USED:.0f} % of the force at {where:g} m")
-    if load.number * LIFT > reached:
+        load = GuessedValue(
+            round_down(DEFAULT_LOAD_RATIO * weakest_force),
+            f"{100.0 * DEFAULT_LOAD_RATIO:.0f} % of the force at {weakest_gap:g} m",
+        )
+    if load.number * MIN_LIFT_RATIO > weakest_force:
         origin = f", guessed as {load.guess}; give --load" if load.guess else ""
         raise InputError(
-            f"load: {load.number:g} N cannot be lifted at a gap of {where:g} m: there the "
-            f"loops reach {reached:.4g} N at {reach.current_high:.4g} A, and {LIFT:g} times the "
-            f"load, {load.number * LIFT:.4g} N, are needed; lower it, or give loops of larger "
+            f"load: {load.number:g} N cannot be lifted at a gap of {weakest_gap:g} m: there the "
+            f"loops reach {weakest_force:.4g} N at {magnet.current_high:.4g} A, and {MIN_LIFT_RATIO:g} times the "
+            f"load, {load.number * MIN_LIFT_RATIO:.4g} N, are needed; lower it, or give loops of larger "
             f"currents or smaller gaps{origin}",
             code="load-too-large",
             key="load",

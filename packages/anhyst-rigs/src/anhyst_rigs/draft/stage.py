@@ -8,58 +8,68 @@ from __future__ import annotations
 from typing import Any
 
 from anhyst.support.errors import InputError
-from anhyst_rigs.draft.bearing import SUPPLIES
-from anhyst_rigs.draft.magnet import MeasuredMagnet, Value, Wanted
-from anhyst_rigs.draft.text import Draft, down, draft, nearest, step_up
+from anhyst_rigs.draft.bearing import SUPPLY_STEPS
+from anhyst_rigs.draft.magnet import GuessedValue, MachineRequest, MeasuredMagnet
+from anhyst_rigs.draft.text import Draft, render_draft, round_down, round_nearest, step_up
 
-RATE = 20e3
+RATE_HZ = 20e3
 """Ticks a second."""
-SPARE = 0.9
+ACCELERATING_FORCE_RATIO = 0.9
 """Part of the largest force that accelerates the mass: the rest is for the feedback."""
-PEAK = 22.0
+PEAK_M_PER_S2 = 22.0
 """Acceleration of the set-point, m/s^2, where the mass is guessed to take all of that."""
-TRAIN, TEST = (1.0, 0.7, 0.4, 0.9, 0.5), (1.0, 0.45, 0.8, 0.27, 0.64, 1.0)
+TRAINING_RATIOS, TEST_RATIOS = (1.0, 0.7, 0.4, 0.9, 0.5), (1.0, 0.45, 0.8, 0.27, 0.64, 1.0)
 """Turnarounds of the set-points, in parts of the largest acceleration."""
-JERK_S = 7.5e-3
+JERK_PHASE_S = 7.5e-3
 """Phase of the set-point's jerk, s."""
-SWING = 10.0
+FULL_SWINGS_PER_JERK_PHASE = 10.0
 """The supply drives the current over its whole range in such a part of it."""
 
 
-def draft_stage(reach: MeasuredMagnet, source: dict[str, Any], wanted: Wanted) -> Draft:
+def draft_stage(magnet: MeasuredMagnet, source: dict[str, Any], request: MachineRequest) -> Draft:
     """Write the rig file of a stage between two of these magnets."""
-    low, high = float(reach.gaps[0]), float(reach.gaps[-1])
+    low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
     if not 0.0 < low < high:
         raise InputError(
             f"a stage moves between gaps: loops at two at least, above 0 m, are needed; there are "
             f"some at {low:g} m alone",
             code="single-gap",
         )
-    middle = 0.5 * (low + high)
-    if wanted.gap is not None and not low < wanted.gap < high:
-        text = f"gap: {wanted.gap:g} m is not between the measured ones, {low:g} and {high:g} m"
+    middle_gap = 0.5 * (low + high)
+    if request.gap is not None and not low < request.gap < high:
+        text = f"gap: {request.gap:g} m is not between the measured ones, {low:g} and {high:g} m"
         raise InputError(text, code="gaps-not-covered", key="gap")
-    gap = Value(middle, "the middle of the gaps") if wanted.gap is None else Value(wanted.gap, "")
-    force = down(reach.usable(high))
-    mass = (
-        Value(nearest(SPARE * force / PEAK), f"takes the force at {PEAK:g} m/s^2")
-        if wanted.mass is None
-        else Value(wanted.mass, "")
+    gap = (
+        GuessedValue(middle_gap, "the middle of the gaps")
+        if request.gap is None
+        else GuessedValue(request.gap, "")
     )
-    tangent = reach.slopes(0.5 * force, gap.number)
+    force = round_down(magnet.usable_force(high))
+    mass = (
+        GuessedValue(
+            round_nearest(ACCELERATING_FORCE_RATIO * force / PEAK_M_PER_S2),
+            f"takes the force at {PEAK_M_PER_S2:g} m/s^2",
+        )
+        if request.mass is None
+        else GuessedValue(request.mass, "")
+    )
+    tangent = magnet.slopes(0.5 * force, gap.number)
     inductance = tangent.k_i**2 / max(tangent.k_s, 0.5 * force / gap.number)
-    most = down(SPARE * force / mass.number)
-    return draft(
+    max_acceleration = round_down(ACCELERATING_FORCE_RATIO * force / mass.number)
+    return render_draft(
         "stage",
         **source,
-        reach=reach,
-        rate=RATE,
+        reach=magnet,
+        rate=RATE_HZ,
         gap=gap,
         mass=mass,
         force=force,
         inductance=inductance,
-        supply=step_up(inductance * reach.current_high * SWING / JERK_S, SUPPLIES),
-        speed=nearest(0.5 * most / PEAK),
-        train=[nearest(part * most) for part in TRAIN],
-        test=[nearest(part * most) for part in TEST],
+        supply=step_up(
+            inductance * magnet.current_high * FULL_SWINGS_PER_JERK_PHASE / JERK_PHASE_S,
+            SUPPLY_STEPS,
+        ),
+        speed=round_nearest(0.5 * max_acceleration / PEAK_M_PER_S2),
+        train=[round_nearest(part * max_acceleration) for part in TRAINING_RATIOS],
+        test=[round_nearest(part * max_acceleration) for part in TEST_RATIOS],
     )

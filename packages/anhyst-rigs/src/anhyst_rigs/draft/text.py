@@ -13,7 +13,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from anhyst.support.toml_text import toml_key, toml_value, with_comment
 
-SMALL = 1e-2
+MAX_PREFIXED_VALUE = 1e-2
 """Numbers below it are written in milli, micro and nano."""
 
 
@@ -24,27 +24,29 @@ class Draft(NamedTuple):
     guesses: dict[str, str]  # what was guessed: key with its table and value, and from what
 
 
-_NAMES = {("sensor", "of"): "{}_sensor.", ("case", "kind"): "{}."}
+_TABLE_NAMES = {("sensor", "of"): "{}_sensor.", ("case", "kind"): "{}."}
 """What a table of a list is called in :attr:`Draft.guesses`, by a key that tells it apart."""
-_MARK, _GUESS = "  # ", "; guess: "
+_COMMENT_MARK, _GUESS_MARK = "  # ", "; guess: "
 
 
-def draft(template: str, **values: Any) -> Draft:
+def render_draft(template: str, **values: Any) -> Draft:
     """Return the draft of a template: comments at their column, and those that name a guess."""
-    whole = _templates().get_template(f"{template}.toml.j2").render(values)
+    rendered = _templates().get_template(f"{template}.toml.j2").render(values)
     lines, guesses, section, table = [], {}, "", ""
-    for line in whole.removesuffix("\n").split("\n"):
-        text, mark, note = ("", "", line) if line.startswith("#") else line.rpartition(_MARK)
+    for line in rendered.removesuffix("\n").split("\n"):
+        text, mark, note = (
+            ("", "", line) if line.startswith("#") else line.rpartition(_COMMENT_MARK)
+        )
         lines.append(with_comment(text, note) if mark else line)
         key, _, value = text.partition(" = ")
         if text.startswith("["):
             section = text.strip("[]")
             table = f"{section}."
-        elif (section, key) in _NAMES:
-            table = _NAMES[section, key].format(tomllib.loads(text)[key])
-        if _GUESS in note and mark:
-            rows = written(tomllib.loads(whole)[section][key]) if value == "[" else value
-            guesses[f"{table}{key} = {rows}"] = note.rpartition(_GUESS)[2]
+        elif (section, key) in _TABLE_NAMES:
+            table = _TABLE_NAMES[section, key].format(tomllib.loads(text)[key])
+        if _GUESS_MARK in note and mark:
+            rows = format_toml(tomllib.loads(rendered)[section][key]) if value == "[" else value
+            guesses[f"{table}{key} = {rows}"] = note.rpartition(_GUESS_MARK)[2]
     return Draft("\n".join(lines) + "\n", guesses)
 
 
@@ -56,34 +58,38 @@ def _templates() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         keep_trailing_newline=True,
-        finalize=lambda value: value if isinstance(value, str) else written(value),
+        finalize=lambda value: value if isinstance(value, str) else format_toml(value),
     )
-    environment.globals |= {one.__name__: one for one in (nearest, up, down, step_up, step_down)}
+    environment.globals |= {
+        one.__name__: one for one in (round_nearest, round_up, round_down, step_up, step_down)
+    }
     environment.filters |= {
-        "toml": written,
-        "nearest": nearest,
+        "toml": format_toml,
+        "round_nearest": round_nearest,
         "comment": lambda text: "\n# ".join(text.splitlines()),
     }
     return environment
 
 
-def written(value: object) -> str:
+def format_toml(value: object) -> str:
     """Write a value as TOML; small numbers in milli, micro and nano, and still to the last bit.
 
     >>> written([0.45e-3, 50e-9, 20.0])
     '[0.45e-3, 50e-9, 20.0]'
     """
     match value:
-        case float() if 0.0 < abs(value) < SMALL:
+        case float() if 0.0 < abs(value) < MAX_PREFIXED_VALUE:
             exponent = next(
                 (power for power in (-3, -6, -9) if abs(value) >= 10.0 ** (power - 1)), -12
             )
             text = f"{value * 10.0**-exponent:.12g}e{exponent}"
             return text if float(text) == value else toml_value(value)
         case list():
-            return f"[{', '.join(map(written, value))}]"
+            return f"[{', '.join(map(format_toml, value))}]"
         case Mapping():
-            inside = ", ".join(f"{toml_key(key)} = {written(item)}" for key, item in value.items())
+            inside = ", ".join(
+                f"{toml_key(key)} = {format_toml(item)}" for key, item in value.items()
+            )
             return f"{{ {inside} }}"
     return toml_value(value)
 
@@ -92,19 +98,19 @@ ONE_TWO_FIVE = (1.0, 2.0, 5.0, 10.0)
 _SLACK = 1e-9
 
 
-def nearest(value: float, digits: int = 2) -> float:
+def round_nearest(value: float, digits: int = 2) -> float:
     """Return the nearest number of so many digits."""
     return float(f"{value:.{digits - 1}e}")
 
 
-def up(value: float, digits: int = 2) -> float:
+def round_up(value: float, digits: int = 2) -> float:
     """Return the least number of so many digits that is not below a positive value."""
-    return _shifted(value, digits, math.ceil, -_SLACK)
+    return _round_in_decade(value, digits, math.ceil, -_SLACK)
 
 
-def down(value: float, digits: int = 2) -> float:
+def round_down(value: float, digits: int = 2) -> float:
     """Return the largest number of so many digits that is not above a positive value."""
-    return _shifted(value, digits, math.floor, _SLACK)
+    return _round_in_decade(value, digits, math.floor, _SLACK)
 
 
 def step_up(value: float, steps: Sequence[float] = ONE_TWO_FIVE) -> float:
@@ -121,6 +127,8 @@ def step_down(value: float) -> float:
     return float(f"{max(step for step in ONE_TWO_FIVE if step <= share):g}e{decade}")
 
 
-def _shifted(value: float, digits: int, whole: Callable[[float], int], slack: float) -> float:
+def _round_in_decade(
+    value: float, digits: int, round_whole: Callable[[float], int], slack: float
+) -> float:
     decade = math.floor(math.log10(value)) - digits + 1
-    return float(f"{whole(value / 10.0**decade * (1.0 + slack))}e{decade}")
+    return float(f"{round_whole(value / 10.0**decade * (1.0 + slack))}e{decade}")

@@ -9,10 +9,10 @@ BEARING = RigKind(
     verbs=("export", "simulate", "calibrate", "tune", "excite", "live"),
     places={
         "read": "anhyst_rigs.rig.body:read_bearing",
-        "files": "anhyst_rigs.study.bearing.ready:files_of_bearing",
+        "files": "anhyst_rigs.study.bearing.inputs:list_bearing_files",
         "simulate": "anhyst_rigs.reports.bearing.study:simulate",
         "run_board": "anhyst_rigs.reports.bearing.study:run_firmware",
-        "printed": "anhyst_rigs.reports.bearing.subject:printed",
+        "printed": "anhyst_rigs.reports.bearing.subject:terminal_summary",
         "written": "anhyst_rigs.reports.study.task:files_written",
         "plants": "anhyst_rigs.study.plants:read_bearing_plants",
         "benefit": "anhyst_rigs.reports.benefit:map_bearing",

@@ -11,7 +11,7 @@ STAGE = RigKind(
         "read": "anhyst_rigs.rig.stage.file:read_stage",
         "files": "anhyst_rigs.rig.stage.file:files_of_stage",
         "simulate": "anhyst_rigs.reports.tracking:simulate",
-        "printed": "anhyst_rigs.reports.tracking:printed",
+        "printed": "anhyst_rigs.reports.tracking:terminal_summary",
         "written": "anhyst_rigs.reports.study.task:files_written",
         "plants": "anhyst_rigs.study.plants:read_stage_plants",
         "benefit": "anhyst_rigs.reports.benefit:map_plants",

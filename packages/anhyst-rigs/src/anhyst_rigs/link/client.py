@@ -16,7 +16,12 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Self, TypeVar
 
-from anhyst.support.block_words import GENERATION_AT, LENGTH_AT, checksum, misfit
+from anhyst.support.block_words import (
+    GENERATION_INDEX,
+    LENGTH_INDEX,
+    checksum,
+    describe_scale_mismatch,
+)
 from anhyst.support.errors import InputError
 from anhyst.support.states import Command, State
 from anhyst_rigs.link import frames
@@ -25,10 +30,10 @@ from anhyst_rigs.link.wire import BAUD, Frame, LinkPort, Port, Receiver, Status,
 
 _Answer = TypeVar("_Answer", bound=Message)
 
-_WORDS_MOST = 118
+_MAX_FRAME_WORDS = 118
 """Words of a block in one frame, either way."""
 
-_MEANING = {
+_REASON_TEXTS = {
     Reason.VERSION: "it speaks another version of the protocol",
     Reason.TYPE: "it does not know this request",
     Reason.LENGTH: "the request has the wrong length",
@@ -45,14 +50,14 @@ _MEANING = {
 }
 
 
-class Refused(InputError):  # noqa: N818 - an answer
+class RequestRefusedError(InputError):
     """The controller answered that it does not do a request, and why; nothing changed there."""
 
     def __init__(self, url: str, request: Message, nak: NakAnswer) -> None:
         name = type(request).__name__.removesuffix("Request")
         try:
             self.reason = Reason(nak.reason)
-            meaning = _MEANING[self.reason]
+            meaning = _REASON_TEXTS[self.reason]
         except (KeyError, ValueError):
             self.reason = Reason.NONE
             meaning = f"for reason {nak.reason}"
@@ -63,7 +68,7 @@ class Refused(InputError):  # noqa: N818 - an answer
             if nak.detail == State.IDLE and command in (Command.RUN, Command.LIFT):
                 meaning += "; condition the magnet first, or declare it demagnetised"
         super().__init__(
-            f"{url}: the controller refused {_words(name)}: {meaning}",
+            f"{url}: the controller refused {_split_words(name)}: {meaning}",
             code="refused",
             key=self.reason.name.lower(),
         )
@@ -82,7 +87,7 @@ class ControllerLink:
         self.url = self._port.url
         self.timeout = timeout
         self.attempts = attempts
-        self.repeated = 0
+        self.repeated_count = 0
         self._receiver = Receiver()
         self._sequence = 0
         self._lock = threading.RLock()
@@ -106,11 +111,11 @@ class ControllerLink:
 
     def status(self) -> Status:
         """Ask what the controller did in its last tick; it learns that the PC is there."""
-        return self._status(frames.HeartbeatRequest())
+        return self._request_status(frames.HeartbeatRequest())
 
     def demand(self, force: int) -> Status:
         """Demand a force, q31 of the full-scale force, from the next tick on."""
-        return self._status(demand_request(force))
+        return self._request_status(demand_request(force))
 
     def stream(self, forces: Iterable[int], window: int = 24) -> Iterator[Status]:
         """Send many demands, several of them on their way at a time.
@@ -118,18 +123,18 @@ class ControllerLink:
         All of them reach the controller, in order. A demand that the line lost is sent again with
         all that followed it: the controller may see some twice, never one late.
         """
-        if not 1 <= window <= WINDOW_MOST:
+        if not 1 <= window <= MAX_WINDOW:
             raise InputError(
-                f"window {window}: choose 1 to {WINDOW_MOST}", code="out-of-range", key="window"
+                f"window {window}: choose 1 to {MAX_WINDOW}", code="out-of-range", key="window"
             )
-        flow, source = _Flow(self), iter(forces)
+        flow, source = _DemandFlow(self), iter(forces)
         with self._lock:
             while True:
                 flow.send(islice(source, window - len(flow.waiting)))
                 if not flow.waiting:
                     return
                 flow.receive()
-                yield from flow.answered()
+                yield from flow.take_answered()
 
     def command(self, command: Command) -> State:
         """Change the state of the controller."""
@@ -146,24 +151,24 @@ class ControllerLink:
     def write_block(self, words: Sequence[int]) -> int:
         """Send a parameter block and put it in force between two ticks."""
         row = [int(word) for word in words]
-        if len(row) <= GENERATION_AT:
+        if len(row) <= GENERATION_INDEX:
             text = f"a block of {len(row)} words: is too short; send a whole one"
             raise InputError(text, code="block-too-short")
-        generation = row[GENERATION_AT] & 0xFFFF
+        generation = row[GENERATION_INDEX] & 0xFFFF
         with self._lock:
             begin = frames.BlockBeginRequest(len(row), generation, checksum(row))
             self.request(begin, frames.AckAnswer)
-            for at in range(0, len(row), _WORDS_MOST):
-                data = frames.BlockDataRequest(at, tuple(row[at : at + _WORDS_MOST]))
+            for at in range(0, len(row), _MAX_FRAME_WORDS):
+                data = frames.BlockDataRequest(at, tuple(row[at : at + _MAX_FRAME_WORDS]))
                 self.request(data, frames.AckAnswer)
             try:
                 return self.request(frames.BlockSwapRequest(generation), frames.AckAnswer).detail
-            except Refused as refused:
+            except RequestRefusedError as refused:
                 if refused.reason is Reason.SCALE:
                     in_force: list[int] = []
-                    with suppress(Refused):  # there may be none
+                    with suppress(RequestRefusedError):  # there may be none
                         in_force = self.read_block()
-                    refused.args = (f"{self.url}: {misfit(row, in_force)}",)
+                    refused.args = (f"{self.url}: {describe_scale_mismatch(row, in_force)}",)
                 raise
 
     def keep_block(self) -> int:
@@ -174,39 +179,41 @@ class ControllerLink:
         """Return the parameter block in force."""
         words: list[int] = []
         with self._lock:
-            length = self._block_words(0, LENGTH_AT + 1)[LENGTH_AT]
+            length = self._read_block_words(0, LENGTH_INDEX + 1)[LENGTH_INDEX]
             while len(words) < length:
-                words += self._block_words(len(words), min(length - len(words), _WORDS_MOST))
+                words += self._read_block_words(
+                    len(words), min(length - len(words), _MAX_FRAME_WORDS)
+                )
         return words
 
-    def _block_words(self, offset: int, count: int) -> tuple[int, ...]:
+    def _read_block_words(self, offset: int, count: int) -> tuple[int, ...]:
         return self.request(frames.BlockReadRequest(offset, count), frames.BlockWordsAnswer).words
 
-    def _status(self, request: Message) -> Status:
+    def _request_status(self, request: Message) -> Status:
         with self._lock:
             answer, tick = self._exchange(request)
-            return Status(tick, _expect(self.url, request, answer, frames.StatusAnswer))
+            return Status(tick, _check_answer(self.url, request, answer, frames.StatusAnswer))
 
     def request(self, request: Message, kind: type[_Answer]) -> _Answer:
         """Send any request and return its answer."""
         with self._lock:
-            return _expect(self.url, request, self._exchange(request)[0], kind)
+            return _check_answer(self.url, request, self._exchange(request)[0], kind)
 
     def _exchange(self, request: Message) -> tuple[Message, int]:
         """Send a request until it is answered."""
         sequence = self.next_sequence()
         wire = encode(request, sequence)
         for attempt in range(self.attempts):
-            self.repeated += attempt > 0
+            self.repeated_count += attempt > 0
             self._port.write(wire)
             end = time.monotonic() + self.timeout
             while (left := end - time.monotonic()) > 0.0:
                 for frame in self.receive(left):
                     if frame.sequence == sequence:
                         answer = self.read_answer(frame)
-                        if _belongs(answer, request):
+                        if _is_answer_to(answer, request):
                             return answer, frame.tick
-        raise self.silent()
+        raise self.make_timeout_error()
 
     def next_sequence(self) -> int:
         """Return the number of the next request."""
@@ -225,7 +232,7 @@ class ControllerLink:
         """Read an answer."""
         kind = frames.ANSWERS.get(frame.type)
         if frame.version != frames.VERSION:
-            raise self._other_version(frame.version)
+            raise self._make_version_error(frame.version)
         try:
             answer = kind.unpack(frame.payload) if kind else None
         except ValueError:
@@ -237,19 +244,19 @@ class ControllerLink:
                 code="other-firmware",
             )
         if isinstance(answer, NakAnswer) and answer.reason == Reason.VERSION:
-            raise self._other_version(answer.detail)
+            raise self._make_version_error(answer.detail)
         if isinstance(answer, frames.InfoAnswer) and answer.version != frames.VERSION:
-            raise self._other_version(answer.version)
+            raise self._make_version_error(answer.version)
         return answer
 
-    def _other_version(self, version: int) -> InputError:
+    def _make_version_error(self, version: int) -> InputError:
         return InputError(
             f"{self.url}: the firmware speaks version {version} of the protocol, this anhyst "
             f"version {frames.VERSION}; build and flash the firmware of this anhyst",
             code="other-protocol-version",
         )
 
-    def silent(self) -> InputError:
+    def make_timeout_error(self) -> InputError:
         """Return the error of a controller that does not answer."""
         return InputError(
             f"{self.url}: no answer within {self.timeout * self.attempts:.1f} s; see that the "
@@ -259,42 +266,42 @@ class ControllerLink:
         )
 
 
-def _belongs(answer: Message, request: Message) -> bool:
+def _is_answer_to(answer: Message, request: Message) -> bool:
     """Whether an answer can be one to this request, not left over from a former session."""
     if isinstance(answer, NakAnswer | frames.AckAnswer):
         return answer.request == request.TYPE
     return request.ANSWER == answer.TYPE
 
 
-def _expect(url: str, request: Message, answer: Message, kind: type[_Answer]) -> _Answer:
+def _check_answer(url: str, request: Message, answer: Message, kind: type[_Answer]) -> _Answer:
     if isinstance(answer, kind):
         return answer
     if isinstance(answer, NakAnswer):
-        raise Refused(url, request, answer)
+        raise RequestRefusedError(url, request, answer)
     text = f"{url}: {type(answer).__name__} in answer to {type(request).__name__}"
     raise InputError(text, code="unexpected-answer")
 
 
-def _words(name: str) -> str:
+def _split_words(name: str) -> str:
     return "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()
 
 
-WINDOW_MOST = 32
+MAX_WINDOW = 32
 """Requests on their way; the controller knows of so many whether it answered them."""
 
 
-_PAUSE = 0.2e-3
+_READ_PAUSE_S = 0.2e-3
 """Between two looks at the line, s: an emulated board sends byte by byte, and every look costs."""
 
 
 @dataclass(slots=True)
-class _Sent:
+class _SentDemand:
     """A demand that waits for its answer."""
 
     force: int
     sequence: int
     wire: bytes
-    times: int = 1
+    attempts: int = 1
     status: Status | None = None
 
 
@@ -306,78 +313,82 @@ def demand_request(force: int) -> frames.DemandRequest:
     return frames.DemandRequest(int(force))
 
 
-class _Flow:
+class _DemandFlow:
     """Many demands on their way at a time, none lost and none out of order."""
 
     def __init__(self, controller: ControllerLink) -> None:
         self.controller = controller
-        self.waiting: deque[_Sent] = deque()
-        self._end = 0.0
+        self.waiting: deque[_SentDemand] = deque()
+        self._deadline = 0.0
 
     def send(self, forces: Iterable[int]) -> None:
         """Put demands on the line, in one piece."""
-        fresh = [self._number(force) for force in forces]
+        fresh = [self._make_demand(force) for force in forces]
         if fresh:
             self.waiting.extend(fresh)
-            self._write(fresh)
+            self._send_demands(fresh)
 
-    def _number(self, force: int) -> _Sent:
+    def _make_demand(self, force: int) -> _SentDemand:
         sequence = self.controller.next_sequence()
-        return _Sent(force, sequence, encode(demand_request(force), sequence))
+        return _SentDemand(force, sequence, encode(demand_request(force), sequence))
 
-    def _write(self, demands: Iterable[_Sent]) -> None:
+    def _send_demands(self, demands: Iterable[_SentDemand]) -> None:
         self.controller.send(b"".join(demand.wire for demand in demands))
-        self._end = time.monotonic() + self.controller.timeout
+        self._deadline = time.monotonic() + self.controller.timeout
 
     def receive(self) -> None:
         """Take the answers that arrive; send again what went missing."""
         if len(self.waiting) > 1:
-            time.sleep(_PAUSE)
-        arrived = self.controller.receive(max(self._end - time.monotonic(), 0.0))
+            time.sleep(_READ_PAUSE_S)
+        arrived = self.controller.receive(max(self._deadline - time.monotonic(), 0.0))
         by_number = {demand.sequence: demand for demand in self.waiting}
         for frame in arrived:
             demand = by_number.get(frame.sequence)
-            if demand is not None and demand.status is None and not self._take(demand, frame):
+            if (
+                demand is not None
+                and demand.status is None
+                and not self._store_answer(demand, frame)
+            ):
                 return
         first = self.waiting[0]
         if first.status is not None:
             return
-        if time.monotonic() >= self._end:
+        if time.monotonic() >= self._deadline:
             self._repeat([demand for demand in self.waiting if demand.status is None])
-        elif first.times == 1 and any(demand.status for demand in self.waiting):
+        elif first.attempts == 1 and any(demand.status for demand in self.waiting):
             self._repeat([first])  # newer ones were answered: this one was lost
 
-    def _take(self, demand: _Sent, frame: Frame) -> bool:
+    def _store_answer(self, demand: _SentDemand, frame: Frame) -> bool:
         """Keep an answer; False where the demands from this one on were sent again."""
         answer = self.controller.read_answer(frame)
         if isinstance(answer, frames.StatusAnswer):
             demand.status = Status(frame.tick, answer)
             return True
         if isinstance(answer, NakAnswer) and answer.reason == Reason.OLD:
-            self._begin_again(demand)
+            self._renumber_from(demand)
             return False
         raise InputError(
             f"{self.controller.url}: {answer} in answer to a demand", code="unexpected-answer"
         )
 
-    def _repeat(self, demands: list[_Sent]) -> None:
-        if demands[0].times >= self.controller.attempts:
-            raise self.controller.silent()
+    def _repeat(self, demands: list[_SentDemand]) -> None:
+        if demands[0].attempts >= self.controller.attempts:
+            raise self.controller.make_timeout_error()
         for demand in demands:
-            demand.times += 1
-        self.controller.repeated += len(demands)
-        self._write(demands)
+            demand.attempts += 1
+        self.controller.repeated_count += len(demands)
+        self._send_demands(demands)
 
-    def _begin_again(self, first: _Sent) -> None:
+    def _renumber_from(self, first: _SentDemand) -> None:
         """Send a demand and all after it under new numbers: newer ones had overtaken it."""
         kept = list(self.waiting)
         at = kept.index(first)
-        again = [self._number(demand.force) for demand in kept[at:]]
-        self.controller.repeated += len(again)
+        again = [self._make_demand(demand.force) for demand in kept[at:]]
+        self.controller.repeated_count += len(again)
         self.waiting = deque(kept[:at] + again)
-        self._write(again)
+        self._send_demands(again)
 
-    def answered(self) -> Iterator[Status]:
+    def take_answered(self) -> Iterator[Status]:
         """Take off the statuses that are there, in order."""
         while self.waiting and self.waiting[0].status is not None:
             status = self.waiting.popleft().status

@@ -17,17 +17,17 @@ from pathlib import Path
 from anhyst.compilation.toolchain import actuator_defines
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, core_folder, shipped_folder, write_bytes
+from anhyst.support.cache import compile_and_link
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.kept import compile_and_link
-from anhyst.support.kinds import COMPILED, refuse_other
+from anhyst.support.kinds import COMPILED_FOLDER, require_kind
 from anhyst_rigs.link.virtual_boards import check_runs_here
 
 _MANIFEST = "manifest.json"
 _WARNINGS = ["-Wall", "-Wextra", "-Wconversion"]
-_THUMB = ("-target", "thumb-freestanding-eabi")
-_FREESTANDING = ("-ffreestanding", "-nostdlib", "-fno-sanitize=undefined")
-_SMALL = ("-Os", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")
-_TIME_LIMIT = 300.0
+_THUMB_OPTIONS = ("-target", "thumb-freestanding-eabi")
+_FREESTANDING_OPTIONS = ("-ffreestanding", "-nostdlib", "-fno-sanitize=undefined")
+_SIZE_OPTIONS = ("-Os", "-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections")
+_COMPILE_TIME_LIMIT_S = 300.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
         text = f"board {board}: is not known; choose one of {', '.join(BOARDS)}"
         raise InputError(text, code="unknown-board", key="board")
     folder = Path(parameters).resolve()
-    actuator = _actuator(folder)
+    actuator = _read_actuator_name(folder)
     with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch:
         program = Path(scratch, "firmware")
         _compile(board, folder, actuator, program)
@@ -67,7 +67,7 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
 
 def check_compiler(board: str) -> None:
     """Check that the compiler for a board is there."""
-    _compiler(board)
+    _compiler_command(board)
 
 
 def firmware_folder() -> Path:
@@ -75,9 +75,9 @@ def firmware_folder() -> Path:
     return shipped_folder("anhyst_rigs", "firmware", "_firmware", "boards")
 
 
-def _actuator(folder: Path) -> str:
+def _read_actuator_name(folder: Path) -> str:
     """Return a folder's name of its actuator in C; refuse a rate that no clock of a board divides."""
-    refuse_other(folder, [COMPILED])
+    require_kind(folder, [COMPILED_FOLDER])
     path = folder / _MANIFEST
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
@@ -130,18 +130,18 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
     options = ["-std=c99", *_WARNINGS, *board.options]
     if board.cpu:
         options += ["-T", str(own[0] / "board.ld")]
-    run, ending = partial(_run, board=name), ["-o", str(program)]
-    compile_and_link(_compiler(name), options, search, sources, ending, run)
+    run, ending = partial(_run_compiler, board=name), ["-o", str(program)]
+    compile_and_link(_compiler_command(name), options, search, sources, ending, run)
 
 
-def _compiler(name: str) -> list[str]:
+def _compiler_command(name: str) -> list[str]:
     board = BOARDS[name]
     if board.cpu:
         if importlib.util.find_spec("ziglang") is None:
             text = f"board {name}: ziglang is not installed: pip install 'anhyst[verify]'"
             raise InputError(text, code="not-installed", key="ziglang")
         zig = [sys.executable, "-m", "ziglang", "cc"]
-        return [*zig, *_THUMB, f"-mcpu={board.cpu}", *_FREESTANDING, *_SMALL]
+        return [*zig, *_THUMB_OPTIONS, f"-mcpu={board.cpu}", *_FREESTANDING_OPTIONS, *_SIZE_OPTIONS]
     check_runs_here(name)
     for candidate in ("cc", "gcc", "clang"):
         if shutil.which(candidate):
@@ -150,19 +150,20 @@ def _compiler(name: str) -> list[str]:
     raise InputError(text, code="not-installed", key="gcc")
 
 
-def _run(command: Sequence[str], board: str) -> str:
+def _run_compiler(command: Sequence[str], board: str) -> str:
     try:
         done = subprocess.run(
             command,
             capture_output=True,
             text=True,
-            timeout=_TIME_LIMIT,
+            timeout=_COMPILE_TIME_LIMIT_S,
             check=False,
             cwd=firmware_folder() / "boards" / "cortex-m",  # linker scripts are included from here
         )
     except subprocess.TimeoutExpired:
         raise NegativeResult(
-            f"board {board}: the compiler did not end within {_TIME_LIMIT:.0f} s", code="time-limit"
+            f"board {board}: the compiler did not end within {_COMPILE_TIME_LIMIT_S:.0f} s",
+            code="time-limit",
         ) from None
     if done.returncode:
         lines = [line for line in done.stderr.splitlines() if "error" in line] or ["no reason"]

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
 
-from anhyst.compilation.toolchain import Missing, missing_modules, missing_programs
+from anhyst.compilation.toolchain import MissingTool, missing_modules, missing_programs
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.states import Command, Fault
 from anhyst.verification.bundle import Bundle
@@ -18,17 +18,17 @@ from anhyst.verification.compare import Difference
 from anhyst.verification.result import TargetResult
 from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.firmware import build
-from anhyst_rigs.link.virtual_boards import Plant, Reading, Running, run_host, run_qemu
+from anhyst_rigs.link.virtual_boards import Plant, Reading, RunningFirmware, run_host, run_qemu
 
 TARGET = "cortex-m3-qemu"
 """Name of the entry point of the group ``anhyst.targets``."""
 QEMU = "qemu-system-arm"
-ONE = 1 << 31
+Q31_ONE = 1 << 31
 SELF_TEST_TICKS = 40
-TICKS_A_DEMAND = 5
-NOISE = 1e-4
+TICKS_PER_DEMAND = 5
+SENSOR_NOISE = 1e-4
 
-Runner = Callable[[Path, Plant], AbstractContextManager[Running]]
+Runner = Callable[[Path, Plant], AbstractContextManager[RunningFirmware]]
 
 
 class WalkingPlant:
@@ -36,19 +36,19 @@ class WalkingPlant:
 
     def __init__(self, seed: int) -> None:
         self.drives: list[int] = []
-        self._flows = 0.0
-        self._next = 0.0
+        self._current = 0.0
+        self._next_current = 0.0
         self._random = Random(seed)
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         """Let the current of the tick before flow."""
         current = currents[0]
-        self.drives.append(round(current * ONE))
-        self._flows, self._next = self._next, current
+        self.drives.append(round(current * Q31_ONE))
+        self._current, self._next_current = self._next_current, current
         gap = 0.5 + 0.3 * math.sin(tick * 2.0 * math.pi / 5000.0)
         gap, force, flows = (
-            value + self._random.gauss(0.0, NOISE)
-            for value in (gap, 0.5 * self._flows, self._flows)
+            value + self._random.gauss(0.0, SENSOR_NOISE)
+            for value in (gap, 0.5 * self._current, self._current)
         )
         return Reading(gap, force, flows)
 
@@ -64,7 +64,7 @@ class FirmwareRun:
 class FirmwareTarget:
     """The target of ``anhyst verify`` that runs a whole firmware, on an emulated board and here."""
 
-    def missing_tools(self) -> tuple[Missing, ...]:
+    def missing_tools(self) -> tuple[MissingTool, ...]:
         """Return what of emulator, compiler and link is not there."""
         return (
             *missing_programs(TARGET, {QEMU: QEMU}),
@@ -100,12 +100,12 @@ def _run(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
         controller.command(Command.ARM)
         controller.command(Command.RUN)
         demand = 0.0
-        for _ in range(0, ticks, TICKS_A_DEMAND):
+        for _ in range(0, ticks, TICKS_PER_DEMAND):
             jumps = random.random() < 0.1
             demand = random.random() if jumps else demand + random.gauss(0.0, 0.02)
             demand = min(max(demand, 0.0), 1.0)
-            statuses.append(asdict(controller.demand(round(demand * (ONE - 1))).codes))
-            board.bus.step(TICKS_A_DEMAND)
+            statuses.append(asdict(controller.demand(round(demand * (Q31_ONE - 1))).codes))
+            board.bus.step(TICKS_PER_DEMAND)
         if board.bus.fault is not Fault.NONE:
             raise NegativeResult(
                 f"the firmware went to the fault {board.bus.fault.name}", code="controller-in-fault"

@@ -27,10 +27,10 @@ from anhyst_rigs.link.wire import LinkPort
 
 Q30 = float(1 << 30)
 Q31 = float(1 << 31)
-_RESERVED = -(1 << 31)
-_LEAST, _MOST = _RESERVED + 1, (1 << 31) - 1
+_ERROR_CODE = -(1 << 31)
+_MIN_CODE, _MAX_CODE = _ERROR_CODE + 1, (1 << 31) - 1
 _DRIVE_BYTES = PlantDrive.FIXED.size + 4
-_CURRENTS, _DRIVES = (
+_CURRENT_FIELDS, _DRIVE_FIELDS = (
     [field.name for field in fields(record) if field.name.startswith(signal)]
     for record, signal in ((PlantSample, "current"), (PlantDrive, "drive"))
 )
@@ -47,7 +47,7 @@ class Reading(NamedTuple):
     status: int = 0
     # of a controller of position, as fractions of full scale
     position: float = 0.0
-    further: tuple[float, ...] = ()  # currents of further magnets
+    further_currents: tuple[float, ...] = ()  # currents of further magnets
 
 
 class Plant(Protocol):
@@ -61,11 +61,11 @@ Exchange = Callable[[PlantSample], PlantDrive]
 """Hands a sample to the controller and returns its drive."""
 
 
-def over(connection: socket.socket, timeout: float = 10.0) -> Exchange:
+def exchange_over_socket(connection: socket.socket, timeout_s: float = 10.0) -> Exchange:
     """Exchange records with a process at the other end of a socket."""
     # Inside the system, not in Python: an emulated board sends byte by byte.
     connection.settimeout(None)
-    wait = struct.pack("@ll", int(timeout), int(timeout % 1.0 * 1e6))
+    wait = struct.pack("@ll", int(timeout_s), int(timeout_s % 1.0 * 1e6))
     for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
         connection.setsockopt(socket.SOL_SOCKET, option, wait)
 
@@ -85,7 +85,7 @@ class PlantBus:
     def __init__(self, plant: Plant, exchange: Exchange) -> None:
         self.plant = plant
         self.tick = 0
-        self.drives: tuple[float, ...] = tuple(0.0 for _ in _DRIVES)
+        self.drives: tuple[float, ...] = tuple(0.0 for _ in _DRIVE_FIELDS)
         self.state = State.INIT
         self.fault = Fault.NONE
         self.answer: PlantDrive | None = None
@@ -115,7 +115,7 @@ class PlantBus:
             )
         self.tick = tick
         self.answer = drive
-        self.drives = tuple(getattr(drive, name) / Q31 for name in _DRIVES)
+        self.drives = tuple(getattr(drive, name) / Q31 for name in _DRIVE_FIELDS)
         self.state = State(drive.state & 0xFF)
         self.fault = Fault(drive.state >> 8 & 0xFF)
 
@@ -126,30 +126,30 @@ class PlantBus:
 
 
 def _encode(tick: int, reading: Reading) -> PlantSample:
-    currents = (reading.current, *reading.further, *(0.0 for _ in _CURRENTS))
+    currents = (reading.current, *reading.further_currents, *(0.0 for _ in _CURRENT_FIELDS))
     return PlantSample(
         tick=tick & 0xFFFFFFFF,
-        gap=_code(reading.gap, Q30),
-        force=_code(reading.force, Q30),
-        position=_code(reading.position, Q31),
+        gap=_to_code(reading.gap, Q30),
+        force=_to_code(reading.force, Q30),
+        position=_to_code(reading.position, Q31),
         status=reading.status,
-        **{name: _code(one, Q30) for name, one in zip(_CURRENTS, currents, strict=False)},
+        **{name: _to_code(one, Q30) for name, one in zip(_CURRENT_FIELDS, currents, strict=False)},
     )
 
 
-def _code(value: float, unit: float) -> int:
+def _to_code(value: float, unit: float) -> int:
     """Give the nearest code, halves up as in the simulated loop; no number is the error code.
 
     What lies beyond is the nearest end.
     """
     if math.isnan(value):
-        return _RESERVED
-    return math.floor(min(max(value * unit + 0.5, _LEAST), _MOST))
+        return _ERROR_CODE
+    return math.floor(min(max(value * unit + 0.5, _MIN_CODE), _MAX_CODE))
 
 
 _QEMU = "qemu-system-arm"
 _NO_ESCAPE = "0x1ff"
-_LINK_MOST = 16384  # bytes that are taken from a library at a time
+_MAX_LINK_BYTES = 16384  # bytes that are taken from a library at a time
 
 HOST_LINK = "pty" if sys.platform == "linux" else "tcp:0"
 """Elsewhere a pseudo-terminal refuses the bit rates of a serial port."""
@@ -166,13 +166,15 @@ def check_runs_here(board: str) -> None:
 
 
 @dataclass(frozen=True)
-class Running:
+class RunningFirmware:
     """A firmware that runs."""
 
     link: str | LinkPort  # for :class:`anhyst_rigs.link.client.ControllerLink`
     bus: PlantBus  # its plant; without :meth:`PlantBus.step` no time passes for it
-    xcp: int = 0  # port of this machine on which a master of XCP may come in; 0: there is none
-    wire: socket.socket | None = None  # that the bus runs over; none where it is in this process
+    xcp_port: int = 0  # port of this machine on which a master of XCP may come in; 0: there is none
+    bus_socket: socket.socket | None = (
+        None  # that the bus runs over; none where it is in this process
+    )
 
     @property
     def url(self) -> str:
@@ -198,33 +200,33 @@ class LibraryBoard:
             ) from error
         self._firmware.library_bytes.restype = ctypes.c_size_t
         self._firmware.library_link.restype = ctypes.c_uint16
-        self._answered = ctypes.create_string_buffer(_LINK_MOST)
-        self._drive = ctypes.create_string_buffer(PlantDrive.FIXED.size)
-        self._rest = b""
-        self._off, self._unload = False, dlclose
+        self._answer_buffer = ctypes.create_string_buffer(_MAX_LINK_BYTES)
+        self._drive_buffer = ctypes.create_string_buffer(PlantDrive.FIXED.size)
+        self._unread = b""
+        self._is_off, self._unload = False, dlclose
         self._memory = ctypes.create_string_buffer(self._firmware.library_bytes())
         self._firmware.library_start(self._memory)
 
     def exchange(self, sample: PlantSample) -> PlantDrive:
         """Run a tick."""
-        if self._off:
+        if self._is_off:
             raise ValueError("it is switched off")
         words = sample.FIXED.pack(*vars(sample).values())
-        self._firmware.library_tick(self._memory, words, self._drive)
-        return PlantDrive(*PlantDrive.FIXED.unpack(self._drive.raw))
+        self._firmware.library_tick(self._memory, words, self._drive_buffer)
+        return PlantDrive(*PlantDrive.FIXED.unpack(self._drive_buffer.raw))
 
     def write(self, data: bytes) -> None:
         """Send bytes over the link; what they bring about is kept for :meth:`read`."""
         count = self._firmware.library_link(
-            self._memory, data, len(data), self._answered, _LINK_MOST
+            self._memory, data, len(data), self._answer_buffer, _MAX_LINK_BYTES
         )
-        self._rest += ctypes.string_at(self._answered, count)
+        self._unread += ctypes.string_at(self._answer_buffer, count)
 
     def read(self, timeout: float) -> bytes:
         """Return what the firmware has said; it is never waited for, no time passes meanwhile."""
         del timeout
         self.write(b"")
-        data, self._rest = self._rest, b""
+        data, self._unread = self._unread, b""
         return data
 
     def close(self) -> None:
@@ -238,16 +240,16 @@ class LibraryBoard:
 
     def switch_off(self) -> None:
         """End it; with the last of them the firmware is unloaded."""
-        self._off = True
+        self._is_off = True
         self._unload(self._firmware._handle)
 
 
 @contextmanager
-def run_library(program: Path, plant: Plant) -> Iterator[Running]:
+def run_library(program: Path, plant: Plant) -> Iterator[RunningFirmware]:
     """Run a firmware built for the board ``library``."""
     board = LibraryBoard(program)
     try:
-        yield Running(board, PlantBus(plant, board.exchange))
+        yield RunningFirmware(board, PlantBus(plant, board.exchange))
     finally:
         board.switch_off()
 
@@ -255,21 +257,21 @@ def run_library(program: Path, plant: Plant) -> Iterator[Running]:
 @contextmanager
 def run_host(
     program: Path, plant: Plant, link: str = HOST_LINK, xcp: int | None = None
-) -> Iterator[Running]:
+) -> Iterator[RunningFirmware]:
     """Run a firmware built for the board ``host``."""
     ours, theirs = socket.socketpair()
     command = [str(Path(program).resolve()), link, f"fd:{theirs.fileno()}"]
     command += [] if xcp is None else ["--xcp", str(xcp)]
-    with ours, _started(command, [theirs], stdout=subprocess.PIPE) as process:
+    with ours, _start_process(command, [theirs], stdout=subprocess.PIPE) as process:
         url = link
         if link == "pty" or link.startswith("tcp:"):
-            address = _printed(process, program)
+            address = _read_printed_line(process, program)
             url = address if link == "pty" else f"socket://127.0.0.1:{address}"
-        offered = 0 if xcp is None else int(_printed(process, program))
-        yield Running(url, PlantBus(plant, over(ours)), offered, ours)
+        offered = 0 if xcp is None else int(_read_printed_line(process, program))
+        yield RunningFirmware(url, PlantBus(plant, exchange_over_socket(ours)), offered, ours)
 
 
-def _printed(process: subprocess.Popen[bytes], program: Path) -> str:
+def _read_printed_line(process: subprocess.Popen[bytes], program: Path) -> str:
     """Return the next line that a firmware prints: where it can be reached."""
     assert process.stdout is not None
     line = process.stdout.readline().decode().strip()
@@ -279,7 +281,7 @@ def _printed(process: subprocess.Popen[bytes], program: Path) -> str:
 
 
 @contextmanager
-def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running]:
+def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[RunningFirmware]:
     """Run a firmware built for the board ``qemu-mps2``, in QEMU.
 
     The sockets are opened here and handed over, so that no port can be snatched away in between.
@@ -292,14 +294,16 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
     ours, theirs = socket.socketpair()
     command = [qemu, "-M", "mps2-an385", "-display", "none", "-monitor", "none"]
     served = [f"fd={listener.fileno()},server=on,wait=off,nodelay=on" for listener in listeners]
-    command += _serial("link", served[0])
-    command += _serial("plant", f"fd={theirs.fileno()}")
+    command += _serial_options("link", served[0])
+    command += _serial_options("plant", f"fd={theirs.fileno()}")
     if xcp:
-        command += _serial("xcp", served[1])
+        command += _serial_options("xcp", served[1])
     command += ["-echr", _NO_ESCAPE, "-kernel", str(Path(program).resolve())]
-    with ours, _started(command, [*listeners, theirs]):
+    with ours, _start_process(command, [*listeners, theirs]):
         url = f"socket://127.0.0.1:{ports[0]}"
-        yield Running(url, PlantBus(plant, over(ours)), ports[1] if xcp else 0, ours)
+        yield RunningFirmware(
+            url, PlantBus(plant, exchange_over_socket(ours)), ports[1] if xcp else 0, ours
+        )
 
 
 def find_qemu() -> str:
@@ -312,12 +316,12 @@ def find_qemu() -> str:
     return program_path
 
 
-def _serial(name: str, where: str) -> list[str]:
+def _serial_options(name: str, where: str) -> list[str]:
     return ["-chardev", f"socket,id={name},mux=on,{where}", "-serial", f"chardev:{name}"]
 
 
 @contextmanager
-def _started(
+def _start_process(
     command: Sequence[str], handed_over: Sequence[socket.socket], stdout: int | None = None
 ) -> Iterator[subprocess.Popen[bytes]]:
     descriptors = [end.fileno() for end in handed_over]
@@ -339,7 +343,7 @@ def _started(
             process.stdout.close()
 
 
-VIRTUAL_BOARDS: dict[str, Callable[[Path, Plant], AbstractContextManager[Running]]] = {
+VIRTUAL_BOARDS: dict[str, Callable[[Path, Plant], AbstractContextManager[RunningFirmware]]] = {
     "library": run_library,
     "host": run_host,
     "qemu-mps2": run_qemu,

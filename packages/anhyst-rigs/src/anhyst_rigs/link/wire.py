@@ -21,12 +21,12 @@ from typing import Any, NamedTuple, Protocol
 
 from anhyst.support.errors import InputError
 from anhyst.support.states import Fault, State
-from anhyst.support.xcp_map import PACKET, SECRET
+from anhyst.support.xcp_map import MAX_PACKET_BYTES, SEED_SECRET
 from anhyst_rigs.link.frames import VERSION, Message, StatusAnswer
 
 _HEAD = struct.Struct("<BBBBI")
 _CHECK = struct.Struct("<I")
-_MOST = 254
+_MAX_FRAME_BYTES = 254
 """Longest run without a zero that COBS joins; every frame is shorter."""
 
 
@@ -67,15 +67,15 @@ def encode(message: Message, sequence: int, tick: int = 0, version: int = VERSIO
     """Lay a message out as it goes over the line, the zero at the end included."""
     payload = message.pack()
     body = _HEAD.pack(version, message.TYPE, sequence, len(payload), tick) + payload
-    return stuff(body + _CHECK.pack(zlib.crc32(body))) + b"\0"
+    return cobs_encode(body + _CHECK.pack(zlib.crc32(body))) + b"\0"
 
 
-def stuff(body: bytes) -> bytes:
+def cobs_encode(body: bytes) -> bytes:
     """Write bytes without a zero (COBS), for up to 253 of them."""
     return b"".join(bytes((len(run) + 1,)) + run for run in body.split(b"\0"))
 
 
-def unstuff(stuffed: bytes) -> bytes | None:
+def cobs_decode(stuffed: bytes) -> bytes | None:
     """Undo :func:`stuff`; None where these bytes cannot have come from it."""
     body = bytearray(stuffed)
     at = 0
@@ -91,27 +91,27 @@ class Receiver:
     """Finds frames in a stream of bytes; in step again one zero after any garbage."""
 
     def __init__(self) -> None:
-        self.bad = 0
-        self._rest = b""
+        self.bad_count = 0
+        self._incomplete = b""
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take bytes as they arrive; return the frames that they complete."""
         if not data:
             return []
-        *pieces, rest = (self._rest + data).split(b"\0")
+        *pieces, rest = (self._incomplete + data).split(b"\0")
         frames = []
         for piece in pieces:
-            frame = _read(piece)
+            frame = _parse_frame(piece)
             if frame is not None:
                 frames.append(frame)
             elif piece:
-                self.bad += 1
-        self._rest = rest[-_MOST:]
+                self.bad_count += 1
+        self._incomplete = rest[-_MAX_FRAME_BYTES:]
         return frames
 
 
-def _read(stuffed: bytes) -> Frame | None:
-    body = unstuff(stuffed)
+def _parse_frame(stuffed: bytes) -> Frame | None:
+    body = cobs_decode(stuffed)
     if body is None or len(body) < _HEAD.size + _CHECK.size:
         return None
     text = body[: -_CHECK.size]
@@ -126,16 +126,16 @@ _XCP_HEAD = struct.Struct("<HH")
 _CHECKSUM_BYTES = 2
 
 
-class Split(NamedTuple):
+class SplitResult(NamedTuple):
     """What has arrived, taken apart."""
 
     packets: list[bytes]  # whole ones
     rest: bytes  # the beginning of another
-    skipped: int  # bytes of a serial port that belonged to no whole packet
-    broken: bool  # whether what follows cannot be a packet, on TCP; it is in the rest
+    skipped_bytes: int  # bytes of a serial port that belonged to no whole packet
+    is_broken: bool  # whether what follows cannot be a packet, on TCP; it is in the rest
 
 
-def framed(packet: bytes, counter: int = 0, serial: bool = False) -> bytes:
+def frame_packet(packet: bytes, counter: int = 0, serial: bool = False) -> bytes:
     """Return a packet as it stands on a line."""
     whole = _XCP_HEAD.pack(len(packet), counter & 0xFFFF) + packet
     if not serial:
@@ -144,7 +144,7 @@ def framed(packet: bytes, counter: int = 0, serial: bool = False) -> bytes:
     return whole + _checksum(whole)
 
 
-def split(data: bytes, serial: bool = False) -> Split:
+def split_packets(data: bytes, serial: bool = False) -> SplitResult:
     """Take what has arrived apart; a serial port is searched for the next packet that is whole."""
     at, skipped = 0, 0
     packets: list[bytes] = []
@@ -153,7 +153,7 @@ def split(data: bytes, serial: bool = False) -> Split:
         begin = at + _XCP_HEAD.size
         end = begin + length + (length % 2 if serial else 0)
         behind = end + (_CHECKSUM_BYTES if serial else 0)
-        possible = 0 < length <= PACKET
+        possible = 0 < length <= MAX_PACKET_BYTES
         if possible and behind > len(data):
             break
         if possible and (not serial or _checksum(data[at:end]) == data[end:behind]):
@@ -163,8 +163,8 @@ def split(data: bytes, serial: bool = False) -> Split:
             skipped += 1
             at += 1
         else:
-            return Split(packets, data[at:], 0, True)
-    return Split(packets, data[at:], skipped, False)
+            return SplitResult(packets, data[at:], 0, True)
+    return SplitResult(packets, data[at:], skipped, False)
 
 
 def _checksum(data: bytes) -> bytes:
@@ -173,7 +173,7 @@ def _checksum(data: bytes) -> bytes:
     return (total & 0xFFFF).to_bytes(_CHECKSUM_BYTES, "little")
 
 
-def key_for(seed: bytes, secret: int = SECRET) -> bytes:
+def compute_key(seed: bytes, secret: int = SEED_SECRET) -> bytes:
     """Return the key to a seed.
 
     It keeps a tool that only looks on from writing by mistake; who reads this can write.
@@ -183,10 +183,10 @@ def key_for(seed: bytes, secret: int = SECRET) -> bytes:
 
 BAUD = 921600
 
-_PATIENCE = 5.0
+_WRITE_TIMEOUT_S = 5.0
 """How long a port may take no byte, s."""
 
-_ADVICE = {
+_ERROR_TEXTS = {
     errno.ENOENT: "is not there; plug the controller in, or name another port",
     errno.ENXIO: "is not there; plug the controller in, or name another port",
     errno.EACCES: "may not be opened; join the group that owns it (often dialout)",
@@ -216,8 +216,8 @@ class Port:
 
     def __init__(self, url: str, baud: int = BAUD) -> None:
         self.url = url
-        self._serial = _open(url, baud)
-        self._fd = _descriptor(self._serial)
+        self._serial = _open_serial(url, baud)
+        self._fd = _file_descriptor(self._serial)
         if url.startswith("socket://") and self._fd is not None:
             with socket.socket(fileno=os.dup(self._fd)) as same:
                 same.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -238,12 +238,12 @@ class Port:
                 self._serial.write(data)
                 return
             while data:
-                if not select.select([], [self._fd], [], _PATIENCE)[1]:
+                if not select.select([], [self._fd], [], _WRITE_TIMEOUT_S)[1]:
                     raise OSError(errno.EIO, "it takes nothing")
                 with suppress(BlockingIOError):
                     data = data[os.write(self._fd, data) :]
         except (OSError, serial.SerialException) as error:
-            raise self._gone() from error
+            raise self._make_gone_error() from error
 
     def read(self, timeout: float) -> bytes:
         """Return what has arrived; waits up to `timeout` seconds for the first byte."""
@@ -261,19 +261,19 @@ class Port:
             except BlockingIOError:
                 return b""
         except (OSError, serial.SerialException) as error:
-            raise self._gone() from error
+            raise self._make_gone_error() from error
         if not data:
-            raise self._gone()
+            raise self._make_gone_error()
         return data
 
-    def _gone(self) -> InputError:
+    def _make_gone_error(self) -> InputError:
         return InputError(
             f"{self.url}: the port is gone; see the cable and the controller's power",
             code="port-gone",
         )
 
 
-def _open(url: str, baud: int) -> Any:
+def _open_serial(url: str, baud: int) -> Any:
     try:
         import serial
     except ImportError as error:
@@ -282,32 +282,32 @@ def _open(url: str, baud: int) -> Any:
     try:
         return serial.serial_for_url(url, baudrate=baud, timeout=0, exclusive=True)
     except serial.SerialException as error:
-        raise InputError(f"{url}: {_why(error)}", code="port-not-open") from error
+        raise InputError(f"{url}: {_explain_error(error)}", code="port-not-open") from error
     except ValueError as error:
         raise InputError(
             f"{url}: {error}; name a port or socket://host:port", code="port-not-open"
         ) from error
     except OSError as error:
-        raise InputError(f"{url}: {_why(error)}", code="port-not-open") from error
+        raise InputError(f"{url}: {_explain_error(error)}", code="port-not-open") from error
 
 
-def _why(error: Exception) -> str:
+def _explain_error(error: Exception) -> str:
     number = getattr(error, "errno", None)
     if number is None and isinstance(error.__context__, OSError):
         number = error.__context__.errno
-    if number in _ADVICE:
-        return _ADVICE[number]
+    if number in _ERROR_TEXTS:
+        return _ERROR_TEXTS[number]
     text = str(error)
     if "refused" in text:
         return "nobody listens there; start the controller first"
     if "exclusively lock" in text:
-        return _ADVICE[errno.EBUSY]
+        return _ERROR_TEXTS[errno.EBUSY]
     if "configure port" in text:
-        return _ADVICE[errno.ENOTTY]
+        return _ERROR_TEXTS[errno.ENOTTY]
     return f"cannot be opened: {text}; name another port"
 
 
-def _descriptor(port: Any) -> int | None:
+def _file_descriptor(port: Any) -> int | None:
     """Give the file descriptor where the system has one: reads are quicker past pyserial."""
     try:
         return int(port.fileno()) if os.name == "posix" else None

@@ -21,33 +21,33 @@ from queue import Empty, Queue
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.support.block_words import GENERATION_AT, LENGTH_AT
+from anhyst.support.block_words import GENERATION_INDEX, LENGTH_INDEX
 from anhyst.support.errors import InputError
 from anhyst.support.states import Command, State
-from anhyst.support.xcp_map import AREAS, INPUTS, SIGNALS
+from anhyst.support.xcp_map import AREA_ADDRESSES, INPUTS, SIGNALS
 from anhyst_rigs.link import frames
-from anhyst_rigs.link.client import ControllerLink, Refused
+from anhyst_rigs.link.client import ControllerLink, RequestRefusedError
 from anhyst_rigs.link.frames import Body, Message, NakAnswer, Reason, Setting
-from anhyst_rigs.link.wire import BAUD, Port, framed, key_for, split
+from anhyst_rigs.link.wire import BAUD, Port, compute_key, frame_packet, split_packets
 
-_EVENT = 0xFD
-_COMMAND_LEAST = 0xFC
-_SYNCH, _IN_STEP = b"\xfc", b"\xfe\x00"
+_EVENT_PID = 0xFD
+_MIN_SERVICE_PID = 0xFC
+_SYNCH, _SYNCH_ANSWER = b"\xfc", b"\xfe\x00"
 _POLL_S = 0.05
-_SILENCE_S = 0.12
+_RESET_SILENCE_S = 0.12
 """After it a controller forgets what was left half said, s."""
 
-_TOGETHER_S = 0.001
+_BATCH_S = 0.001
 """What comes within it is taken at once: to wake up costs more than to read, s."""
 
-_ANSWER_S = 1.0
+_ANSWER_TIMEOUT_S = 1.0
 """For an answer on a serial port, where one may get lost, s."""
 
-_MOST = 1 << 19
+_MAX_WAITING_SAMPLES = 1 << 19
 """Samples that wait to be taken; more, and the oldest are lost."""
 
 
-class AnswerLost(InputError):  # noqa: N818 - the command may have been done
+class AnswerLostError(InputError):
     """A serial port lost an answer; the line is in step again."""
 
 
@@ -58,47 +58,47 @@ class XcpLine:
         self.url = url
         self.timeout = timeout
         self.serial = not url.startswith("socket://")
-        self.overloads = 0
-        self.skipped = 0
+        self.overload_count = 0
+        self.skipped_bytes = 0
         self.lock = threading.RLock()
         self._answers: Queue[bytes] = Queue()
-        self._samples: deque[bytes] = deque(maxlen=_MOST)
-        self._came = threading.Condition()
-        self._gone = threading.Event()
+        self._samples: deque[bytes] = deque(maxlen=_MAX_WAITING_SAMPLES)
+        self._arrival = threading.Condition()
+        self._closed = threading.Event()
         self._port = Port(url)
         if self.serial:
-            time.sleep(_SILENCE_S)
-        self._reader = threading.Thread(target=self._read, name="xcp", daemon=True)
+            time.sleep(_RESET_SILENCE_S)
+        self._reader = threading.Thread(target=self._run_reader, name="xcp", daemon=True)
         self._reader.start()
 
     def close(self) -> None:
         """Hang up."""
-        self._gone.set()
+        self._closed.set()
         self._reader.join()
         self._port.close()
 
-    def ask(self, command: bytes) -> bytes:
+    def send_command(self, command: bytes) -> bytes:
         """Send a command and return its answer."""
         with self.lock:
-            self._port.write(framed(command, serial=self.serial))
-            answer = self._next()
-            if answer is None and self.serial and not self._gone.is_set():
+            self._port.write(frame_packet(command, serial=self.serial))
+            answer = self._next_answer()
+            if answer is None and self.serial and not self._closed.is_set():
                 self._synchronise()  # a late answer would be taken for that to the next command
-                raise AnswerLost(
+                raise AnswerLostError(
                     f"{self.url}: an answer was lost; see whether the command was done",
                     code="answer-lost",
                 )
             if answer is None:
-                self._gone.set()
-                raise self.lost()
+                self._closed.set()
+                raise self.make_lost_error()
             return answer
 
-    def take(self) -> bytes:
+    def take_samples(self) -> bytes:
         """Return the samples that came, one behind the other; waits for the first."""
-        with self._came:
-            self._came.wait_for(lambda: self._samples or self._gone.is_set(), self.timeout)
-            if not self._samples and self._gone.is_set():
-                raise self.lost()
+        with self._arrival:
+            self._arrival.wait_for(lambda: self._samples or self._closed.is_set(), self.timeout)
+            if not self._samples and self._closed.is_set():
+                raise self.make_lost_error()
             if not self._samples:
                 text = f"{self.url}: no tick came for {self.timeout:g} s; the controller stands"
                 raise InputError(text, code="no-tick")
@@ -106,15 +106,15 @@ class XcpLine:
             self._samples.clear()
         return packets
 
-    def lost(self) -> InputError:
+    def make_lost_error(self) -> InputError:
         """Return the error of a controller that hung up or does not answer."""
         return InputError(
             f"{self.url}: the controller is gone; see its power and the line", code="port-gone"
         )
 
-    def _next(self) -> bytes | None:
-        end = time.monotonic() + (_ANSWER_S if self.serial else self.timeout)
-        while time.monotonic() < end and not self._gone.is_set():
+    def _next_answer(self) -> bytes | None:
+        end = time.monotonic() + (_ANSWER_TIMEOUT_S if self.serial else self.timeout)
+        while time.monotonic() < end and not self._closed.is_set():
             try:
                 return self._answers.get(timeout=_POLL_S)
             except Empty:
@@ -124,68 +124,68 @@ class XcpLine:
     def _synchronise(self) -> None:
         """Be in step again with a controller one of whose answers was lost."""
         for _ in range(3):
-            self._port.write(framed(_SYNCH, serial=self.serial))
-            while (answer := self._next()) is not None:
-                if answer == _IN_STEP:
+            self._port.write(frame_packet(_SYNCH, serial=self.serial))
+            while (answer := self._next_answer()) is not None:
+                if answer == _SYNCH_ANSWER:
                     return
-        self._gone.set()
-        raise self.lost()
+        self._closed.set()
+        raise self.make_lost_error()
 
-    def _read(self) -> None:
+    def _run_reader(self) -> None:
         rest = b""
         try:
-            while not self._gone.is_set():
-                arrived = split(rest + self._port.read(_POLL_S), self.serial)
+            while not self._closed.is_set():
+                arrived = split_packets(rest + self._port.read(_POLL_S), self.serial)
                 rest = arrived.rest
-                self.skipped += arrived.skipped
-                if arrived.broken:
+                self.skipped_bytes += arrived.skipped_bytes
+                if arrived.is_broken:
                     raise InputError(f"{self.url}: does not speak XCP", code="no-xcp")
-                self._hand_on(arrived.packets)
-                time.sleep(_TOGETHER_S)
+                self._dispatch(arrived.packets)
+                time.sleep(_BATCH_S)
         except InputError:
             pass  # whoever waits learns of it below
-        with self._came:
-            self._gone.set()
-            self._came.notify_all()
+        with self._arrival:
+            self._closed.set()
+            self._arrival.notify_all()
 
-    def _hand_on(self, packets: list[bytes]) -> None:
-        samples = [packet for packet in packets if packet[0] < _COMMAND_LEAST]
+    def _dispatch(self, packets: list[bytes]) -> None:
+        samples = [packet for packet in packets if packet[0] < _MIN_SERVICE_PID]
         for packet in packets:
-            if packet[0] == _EVENT:
-                self.overloads += 1
-            elif packet[0] > _EVENT:
+            if packet[0] == _EVENT_PID:
+                self.overload_count += 1
+            elif packet[0] > _EVENT_PID:
                 self._answers.put(packet)
         if samples:
-            with self._came:
+            with self._arrival:
                 self._samples.extend(samples)
-                self._came.notify_all()
+                self._arrival.notify_all()
 
 
 _CONNECT, _DISCONNECT, _STATUS, _ID, _SEED, _UNLOCK = 0xFF, 0xFE, 0xFD, 0xFA, 0xF8, 0xF7
 _ADDRESS, _UPLOAD, _SHORT_UPLOAD, _DOWNLOAD = 0xF6, 0xF5, 0xF4, 0xF0
 _CLOCK, _RESOLUTION, _SET_PAGE = 0xDC, 0xD9, 0xEB
-_IN_FORCE, _SEEN = 0x01, 0x02
+_CONTROLLER_PAGE, _MASTER_PAGE = 0x01, 0x02
 """For whom a page is chosen: the controller, its master."""
 
-_WORDS = 67
+_MAX_PACKET_WORDS = 67
 """Of the parameter block in a packet."""
 
-_ANSWER, _ERROR = 0xFF, 0xFE
-_STAMPED = 0x10
-_AGAIN = 3
+_ANSWER_PID, _ERROR_PID = 0xFF, 0xFE
+_TIMESTAMP_MODE = 0x10
+_MAX_ATTEMPTS = 3
 """Times that a question is asked whose answer a serial port loses."""
 
-_CLOCKS = 1000
+_MAX_CLOCK_READS = 1000
 """Questions for the time until a tick must have passed."""
 
-_CARRIED = 0.8 * BAUD / 10.0
+_MAX_SAMPLE_BYTES_PER_S = 0.8 * BAUD / 10.0
 """Of the bytes a second of a serial port, those that samples may take."""
 
-_PACKET_BYTES = 12
+_SAMPLE_OVERHEAD_BYTES = 12
 """Of a sample on a serial port, beside its signals: head, list, time stamp, checksum."""
 
-_INPUT = {value.name: AREAS["input"] + 4 * n for n, value in enumerate(INPUTS)}
-_STATE = AREAS["signal"] + 4 * [value.name for value in SIGNALS].index("state")
+_INPUT_ADDRESSES = {value.name: AREA_ADDRESSES["input"] + 4 * n for n, value in enumerate(INPUTS)}
+_STATE_ADDRESS = AREA_ADDRESSES["signal"] + 4 * [value.name for value in SIGNALS].index("state")
 
 Samples = NDArray[np.int64]
 
@@ -199,184 +199,196 @@ class XcpMaster:
 
     def __init__(self, url: str, timeout: float = 2.0) -> None:
         self.url = url
-        self.every = 1
-        self._last = -1
+        self.tick_interval = 1
+        self._last_tick = -1
         self._line = XcpLine(url, timeout)
         try:
-            self._begin()
+            self._connect()
         except BaseException:
             self._line.close()
             raise
 
-    def _begin(self) -> None:
-        self._ask(bytes((_CONNECT, 0)))
-        (length,) = struct.unpack("<I", self._ask(bytes((_ID, 1)))[4:8])
-        self.name = self._ask(bytes((_UPLOAD, length)))[1:].decode("ascii", "replace")
-        seed = self._ask(bytes((_SEED, 0, 1)))[2:]
-        self._ask(bytes((_UNLOCK, len(seed))) + key_for(seed))
+    def _connect(self) -> None:
+        self._send(bytes((_CONNECT, 0)))
+        (length,) = struct.unpack("<I", self._send(bytes((_ID, 1)))[4:8])
+        self.name = self._send(bytes((_UPLOAD, length)))[1:].decode("ascii", "replace")
+        seed = self._send(bytes((_SEED, 0, 1)))[2:]
+        self._send(bytes((_UNLOCK, len(seed))) + compute_key(seed))
         try:
-            self.read(_INPUT["set_demand"], 4)
+            self.read(_INPUT_ADDRESSES["set_demand"], 4)
             self.body = Body.FORCE
         except InputError:
             self.body = Body.POSITION
         own = ("", self.body.name.lower())
         self.signals = tuple(signal.name for signal in SIGNALS if signal.body in own)
         if self._line.serial:
-            load = self._rate() * (_PACKET_BYTES + 4 * len(self.signals))
-            self.every = min(255, math.ceil(load / _CARRIED))
-        self._sample()
+            load = self._read_rate() * (_SAMPLE_OVERHEAD_BYTES + 4 * len(self.signals))
+            self.tick_interval = min(255, math.ceil(load / _MAX_SAMPLE_BYTES_PER_S))
+        self._start_sampling()
 
     def close(self) -> None:
         """Hang up. A controller that drives current goes to its safe state by itself."""
         with suppress(InputError):
-            self._ask(bytes((_DISCONNECT,)))  # a serial line has no end by itself
+            self._send(bytes((_DISCONNECT,)))  # a serial line has no end by itself
         self._line.close()
 
-    def beat(self) -> None:
+    def send_heartbeat(self) -> None:
         """Say that the operator is there."""
-        self._question(bytes((_STATUS,)))
+        self._query(bytes((_STATUS,)))
 
     def read(self, address: int, count: int) -> bytes:
         """Return some bytes, at most 135."""
-        return self._question(struct.pack("<BBBBI", _SHORT_UPLOAD, count, 0, 0, address))[1:]
+        return self._query(struct.pack("<BBBBI", _SHORT_UPLOAD, count, 0, 0, address))[1:]
 
     def read_words(self, first: int, count: int) -> list[int]:
         """Return words of the parameter block in force, at most 67."""
-        return list(struct.unpack(f"<{count}h", self.read(AREAS["block"] + 2 * first, 2 * count)))
+        return list(
+            struct.unpack(f"<{count}h", self.read(AREA_ADDRESSES["block"] + 2 * first, 2 * count))
+        )
 
     def read_block(self) -> list[int]:
         """Return the parameter block in force."""
-        (length,) = self.read_words(LENGTH_AT, 1)
+        (length,) = self.read_words(LENGTH_INDEX, 1)
         words: list[int] = []
         while len(words) < length:
-            words += self.read_words(len(words), min(_WORDS, length - len(words)))
+            words += self.read_words(len(words), min(_MAX_PACKET_WORDS, length - len(words)))
         return words
 
     def swap_block(self, words: Sequence[int]) -> None:
         """Download another parameter block and put it in force between two ticks."""
         row = [int(word) for word in words]
         with self._line.lock:
-            self._ask(bytes((_SET_PAGE, _SEEN, 0, 1)))
+            self._send(bytes((_SET_PAGE, _MASTER_PAGE, 0, 1)))
             try:
-                for at in range(0, len(row), _WORDS):
-                    part = tuple(row[at : at + _WORDS])
+                for at in range(0, len(row), _MAX_PACKET_WORDS):
+                    part = tuple(row[at : at + _MAX_PACKET_WORDS])
                     data = struct.pack(f"<{len(part)}h", *part)
-                    self._put(AREAS["block"] + 2 * at, data, frames.BlockDataRequest(at, part))
-                swap = frames.BlockSwapRequest(row[GENERATION_AT] & 0xFFFF)
-                self._order(bytes((_SET_PAGE, _IN_FORCE, 0, 1)), swap)
+                    self._download(
+                        AREA_ADDRESSES["block"] + 2 * at, data, frames.BlockDataRequest(at, part)
+                    )
+                swap = frames.BlockSwapRequest(row[GENERATION_INDEX] & 0xFFFF)
+                self._send_checked(bytes((_SET_PAGE, _CONTROLLER_PAGE, 0, 1)), swap)
             finally:
-                self._ask(bytes((_SET_PAGE, _SEEN, 0, 0)))
+                self._send(bytes((_SET_PAGE, _MASTER_PAGE, 0, 0)))
 
     def read_setting(self, setting: Setting) -> int:
         """Ask for a setting."""
-        return self._value(AREAS["setting"] + 4 * setting)
+        return self._read_value(AREA_ADDRESSES["setting"] + 4 * setting)
 
     def write_setting(self, setting: Setting, value: int) -> int:
         """Set a setting from the next tick on."""
-        self._write(
-            AREAS["setting"] + 4 * setting, value, frames.SettingWriteRequest(setting, value)
+        self._write_value(
+            AREA_ADDRESSES["setting"] + 4 * setting,
+            value,
+            frames.SettingWriteRequest(setting, value),
         )
         return value
 
     def command(self, command: Command) -> State:
         """Change the state of the controller; returns the one it is in at the next tick."""
         with self._line.lock:
-            self._write(_INPUT["command"], int(command), frames.CommandRequest(command))
-            done = self.clock()
-            for _ in range(_CLOCKS):
-                if self.clock() != done:
-                    return State(self._value(_STATE))
+            self._write_value(
+                _INPUT_ADDRESSES["command"], int(command), frames.CommandRequest(command)
+            )
+            done = self.read_clock()
+            for _ in range(_MAX_CLOCK_READS):
+                if self.read_clock() != done:
+                    return State(self._read_value(_STATE_ADDRESS))
         raise InputError(f"{self.url}: no tick passes; the controller stands", code="no-tick")
 
-    def aim(self, code: int) -> None:
+    def write_demand(self, code: int) -> None:
         """Demand a force, or a position, q31 of full scale."""
         request = (
             frames.DemandRequest(code) if self.body is Body.FORCE else frames.TargetRequest(code)
         )
-        self._write(self._aimed, code, request)
+        self._write_value(self._demand_address, code, request)
 
-    def goal(self) -> int:
+    def read_demand(self) -> int:
         """Return the force or the position demanded last, q31 of full scale."""
-        return self._value(self._aimed)
+        return self._read_value(self._demand_address)
 
     @property
-    def _aimed(self) -> int:
+    def _demand_address(self) -> int:
         """Address of the force or position that is demanded."""
-        return _INPUT["set_demand" if self.body is Body.FORCE else "set_target"]
+        return _INPUT_ADDRESSES["set_demand" if self.body is Body.FORCE else "set_target"]
 
-    def clock(self) -> int:
+    def read_clock(self) -> int:
         """Return the number of the last tick, modulo 2^32."""
-        return int.from_bytes(self._question(bytes((_CLOCK,)))[4:8], "little")
+        return int.from_bytes(self._query(bytes((_CLOCK,)))[4:8], "little")
 
-    def take(self, tick: int) -> Samples:
+    def take_samples(self, tick: int) -> Samples:
         """Wait for the last sample up to a tick, and return all that came."""
         rows = np.empty((0, 1 + len(self.signals)), dtype=np.int64)
-        while not len(rows) or rows[-1, 0] + self.every <= tick:
-            rows = np.concatenate((rows, self._decoded(self._line.take())))
+        while not len(rows) or rows[-1, 0] + self.tick_interval <= tick:
+            rows = np.concatenate((rows, self._decode(self._line.take_samples())))
         return rows
 
-    def _decoded(self, packets: bytes) -> Samples:
+    def _decode(self, packets: bytes) -> Samples:
         """Return samples; their stamps count on from the last one, since 32 bits begin again."""
         form = [("head", "<u2"), ("tick", "<u4"), ("values", "<i4", len(self.signals))]
         samples = np.frombuffer(packets, dtype=form)
         stamps = samples["tick"].astype(np.int64)
-        before = self._last if self._last >= 0 else int(stamps[0]) - 1
+        before = self._last_tick if self._last_tick >= 0 else int(stamps[0]) - 1
         ticks = before + np.cumsum(np.diff(stamps, prepend=before & 0xFFFFFFFF) & 0xFFFFFFFF)
-        self._last = int(ticks[-1])
+        self._last_tick = int(ticks[-1])
         return np.column_stack((ticks, samples["values"].astype(np.int64)))
 
-    def _rate(self) -> float:
+    def _read_rate(self) -> float:
         """Return the ticks a second, as exact as the period of a time stamp is said."""
-        mode, count = struct.unpack("<BH", self._question(bytes((_RESOLUTION,)))[5:8])
+        mode, count = struct.unpack("<BH", self._query(bytes((_RESOLUTION,)))[5:8])
         return 1e9 / float(count * 10 ** (mode >> 4))
 
-    def _sample(self) -> None:
+    def _start_sampling(self) -> None:
         """Sample from the next tick on."""
         numbers = [n for n, signal in enumerate(SIGNALS) if signal.name in self.signals]
         count = len(numbers)
         commands = [b"\xd6", b"\xd5\0\1\0", b"\xd4\0\0\0\1", bytes((0xD3, 0, 0, 0, 0, count))]
         commands.append(b"\xe2\0\0\0\0\0")
         commands += [
-            struct.pack("<BBBBI", 0xE1, 0xFF, 4, 0, AREAS["signal"] + 4 * n) for n in numbers
+            struct.pack("<BBBBI", 0xE1, 0xFF, 4, 0, AREA_ADDRESSES["signal"] + 4 * n)
+            for n in numbers
         ]
-        commands += [bytes((0xE0, _STAMPED, 0, 0, 0, 0, self.every, 0)), b"\xde\1\0\0"]
+        commands += [
+            bytes((0xE0, _TIMESTAMP_MODE, 0, 0, 0, 0, self.tick_interval, 0)),
+            b"\xde\1\0\0",
+        ]
         for command in commands:
-            self._ask(command)
+            self._send(command)
 
-    def _value(self, address: int) -> int:
+    def _read_value(self, address: int) -> int:
         return int.from_bytes(self.read(address, 4), "little", signed=True)
 
-    def _write(self, address: int, value: int, request: Message) -> None:
+    def _write_value(self, address: int, value: int, request: Message) -> None:
         """Write four bytes; `request` is what the own link would call it."""
-        self._put(address, struct.pack("<i", value), request)
+        self._download(address, struct.pack("<i", value), request)
 
-    def _put(self, address: int, data: bytes, request: Message) -> None:
+    def _download(self, address: int, data: bytes, request: Message) -> None:
         with self._line.lock:
-            self._ask(struct.pack("<BBBBI", _ADDRESS, 0, 0, 0, address))
-            self._order(bytes((_DOWNLOAD, len(data))) + data, request)
+            self._send(struct.pack("<BBBBI", _ADDRESS, 0, 0, 0, address))
+            self._send_checked(bytes((_DOWNLOAD, len(data))) + data, request)
 
-    def _order(self, command: bytes, request: Message) -> None:
+    def _send_checked(self, command: bytes, request: Message) -> None:
         """Let something be done, or say why the firmware refuses."""
         with self._line.lock:
-            answer = self._line.ask(command)
-            if answer[0] == _ERROR and len(answer) >= 4:
+            answer = self._line.send_command(command)
+            if answer[0] == _ERROR_PID and len(answer) >= 4:
                 reason = int.from_bytes(answer[2:4], "little")
-                state = self._value(_STATE)
-                raise Refused(self.url, request, NakAnswer(request.TYPE, reason, state))
-            self._check(answer, command[0])
+                state = self._read_value(_STATE_ADDRESS)
+                raise RequestRefusedError(self.url, request, NakAnswer(request.TYPE, reason, state))
+            self._check_answer(answer, command[0])
 
-    def _ask(self, command: bytes) -> bytes:
-        return self._check(self._line.ask(command), command[0])
+    def _send(self, command: bytes) -> bytes:
+        return self._check_answer(self._line.send_command(command), command[0])
 
-    def _question(self, command: bytes) -> bytes:
+    def _query(self, command: bytes) -> bytes:
         """Ask what changes nothing, and again where the answer is lost."""
-        for _ in range(_AGAIN - 1 if self._line.serial else 0):
-            with suppress(AnswerLost):
-                return self._ask(command)
-        return self._ask(command)
+        for _ in range(_MAX_ATTEMPTS - 1 if self._line.serial else 0):
+            with suppress(AnswerLostError):
+                return self._send(command)
+        return self._send(command)
 
-    def _check(self, answer: bytes, command: int) -> bytes:
-        if answer[0] != _ANSWER:
+    def _check_answer(self, answer: bytes, command: int) -> bytes:
+        if answer[0] != _ANSWER_PID:
             raise InputError(
                 f"{self.url}: XCP command {command:#04x} was refused with error {answer[1]:#04x}; "
                 "see that the firmware is of this version of anhyst",
@@ -385,10 +397,10 @@ class XcpMaster:
         return answer
 
 
-_PACE = 0.002
+_POLL_INTERVAL_S = 0.002
 """Between two questions for samples while none come, s."""
 
-_PATIENCE = 5.0
+_MASTER_TIMEOUT_S = 5.0
 """How long a master may take no byte, s."""
 
 
@@ -401,7 +413,7 @@ class XcpBridge:
 
     def __init__(self, controller: ControllerLink, port: int) -> None:
         self._controller = controller
-        self._hang_up()
+        self._disconnect()
         try:
             self._listener = socket.create_server(("127.0.0.1", port))
         except OSError as error:
@@ -418,34 +430,36 @@ class XcpBridge:
         master, _ = self._listener.accept()
         with master:
             master.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            master.settimeout(_PATIENCE)
+            master.settimeout(_MASTER_TIMEOUT_S)
             try:
                 self._serve(master)
             except OSError:
                 pass  # it hung up, or takes nothing any more
             finally:
-                self._hang_up()
+                self._disconnect()
 
     def _serve(self, master: socket.socket) -> None:
         arrived = b""
         counter = 0
-        wait = _PACE
+        wait = _POLL_INTERVAL_S
         while True:
             commands: list[bytes] = []
             if select.select([master], [], [], wait)[0]:
                 data = master.recv(4096)
                 if not data:
                     return
-                commands, arrived, _, broken = split(arrived + data)
+                commands, arrived, _, broken = split_packets(arrived + data)
                 if broken:
                     return
-            packets = [packet for command in commands or [b""] for packet in self._carry(command)]
-            wait = 0.0 if packets else _PACE
+            packets = [packet for command in commands or [b""] for packet in self._forward(command)]
+            wait = 0.0 if packets else _POLL_INTERVAL_S
             if packets:
-                master.sendall(b"".join(framed(one, counter + n) for n, one in enumerate(packets)))
+                master.sendall(
+                    b"".join(frame_packet(one, counter + n) for n, one in enumerate(packets))
+                )
                 counter += len(packets)
 
-    def _carry(self, command: bytes) -> list[bytes]:
+    def _forward(self, command: bytes) -> list[bytes]:
         """Return the packets that the slave answers to a command, or to nothing."""
         answer = self._controller.request(
             frames.XcpRequest(tuple(command)), frames.XcpPacketsAnswer
@@ -457,13 +471,13 @@ class XcpBridge:
             rest = rest[end:]
         return packets
 
-    def _hang_up(self) -> None:
+    def _disconnect(self) -> None:
         """Let no master find what another left behind: its key, its samples."""
         try:
-            self._carry(bytes((_DISCONNECT,)))
-            while self._carry(b""):
+            self._forward(bytes((_DISCONNECT,)))
+            while self._forward(b""):
                 pass
-        except Refused as refused:
+        except RequestRefusedError as refused:
             if refused.reason is not Reason.TYPE:
                 raise
             raise InputError(

@@ -14,76 +14,85 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from anhyst.control.controller_file import ControllerFile
-from anhyst.support.figures import ALARM, new_figure, styled
+from anhyst.support.figures import ALARM_COLOUR, new_figure, use_report_style
 from anhyst.support.page import (
     NBSP,
-    NOT_KNOWN,
+    UNKNOWN_TEXT,
     Block,
     Headline,
     Note,
     PageTable,
     Section,
     Text,
-    number,
-    table,
+    format_number,
+    make_table,
 )
-from anhyst_rigs.reports.bearing.page import plant_text, structure
-from anhyst_rigs.reports.study.page import INK, SHADE, hashes, origin, page_text, picture
+from anhyst_rigs.reports.bearing.page import plant_text, structure_section
+from anhyst_rigs.reports.study.page import (
+    INK_COLOUR,
+    SHADE_COLOUR,
+    file_hashes,
+    origin_section,
+    page_text,
+    picture,
+)
 from anhyst_rigs.reports.study.task import SimulationTask
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.study.bearing.ready import controller_of, make_ready
+from anhyst_rigs.study.bearing.inputs import check_inputs, read_bearing_controller
 from anhyst_rigs.study.benefit import (
     AnyRig,
     Benefit,
     Comparison,
     MapCell,
-    benefit,
-    benefit_of_plants,
+    map_bearing_benefit,
+    map_plant_benefit,
 )
 from anhyst_rigs.study.engine.table import Metric
 
-STRONGEST = "the strongest baseline"
-_DARK = 0.45  # ratio below which its colour asks for white letters
-_SHORT = {"linearised": "lin.", "single-valued": "single"}  # where squares are narrow
+STRONGEST_BASELINE = "the strongest baseline"
+_DARK_RATIO = 0.45  # ratio below which its colour asks for white letters
+_SHORT_NAMES = {"linearised": "lin.", "single-valued": "single"}  # where squares are narrow
 _HATCHES: Mapping[str, dict[str, Any]] = {
-    "loss": {"ec": ALARM, "hatch": "xxxx"},
-    "no gain": {"ec": SHADE, "hatch": "////"},
-    "nothing to gain": {"ec": SHADE, "hatch": "...."},
+    "loss": {"ec": ALARM_COLOUR, "hatch": "xxxx"},
+    "no gain": {"ec": SHADE_COLOUR, "hatch": "////"},
+    "nothing to gain": {"ec": SHADE_COLOUR, "hatch": "...."},
 }
-Compared = Sequence[tuple[MapCell, Comparison]]
+ComparedCells = Sequence[tuple[MapCell, Comparison]]
 
 
-def _case(case: float | str) -> str:
+def _case_text(case: float | str) -> str:
     """Return a case in words: the height of a step, or what is done."""
     return f"{1e6 * case:g} µm" if isinstance(case, float) else case
 
 
-def compared(gains: Benefit, key: str) -> dict[str, Compared]:
+def compare_with_baselines(gains: Benefit, key: str) -> dict[str, ComparedCells]:
     """Return for each of the baselines how every cell of the map compares with it."""
     by_baseline = {
         "ratio": [cell.ratio for cell in gains.cells],
-        STRONGEST: [cell.strongest for cell in gains.cells],
+        STRONGEST_BASELINE: [cell.strongest for cell in gains.cells],
         "flux": [cell.flux for cell in gains.cells],
     }
     return {
-        against: [(cell, one[key]) for cell, one in zip(gains.cells, comparisons, strict=True)]
-        for against, comparisons in by_baseline.items()
+        baseline: [
+            (cell, metrics[key]) for cell, metrics in zip(gains.cells, comparisons, strict=True)
+        ]
+        for baseline, comparisons in by_baseline.items()
         if all(comparisons)
     }
 
 
-@styled
+@use_report_style
 def figure_benefit(gains: Benefit, metric: Metric) -> Figure:
     """Draw ratios over irons: one row of maps a baseline, one column a case."""
-    baselines = compared(gains, metric.key)
+    baselines = compare_with_baselines(gains, metric.key)
     cases = list(dict.fromkeys(cell.case for cell in gains.cells))
     figure = new_figure(1.2 + 2.4 * len(baselines), width=max(6.4, 1.2 + 2.4 * len(cases)))
     axes = figure.subplots(len(baselines), len(cases), squeeze=False, sharex=True, sharey=True)
     mesh: QuadMesh | None = None
     for row, (against, cells) in zip(axes, baselines.items(), strict=True):
         for ax, case in zip(row, cases, strict=True):
-            mesh = _map(ax, gains, against, [one for one in cells if one[0].case == case])
-            ax.set_title(f"{_case(case)}, against {against}", fontsize=8.0)
+            mesh = _draw_map(ax, gains, against, [pair for pair in cells if pair[0].case == case])
+            ax.set_title(f"{_case_text(case)}, against {against}", fontsize=8.0)
         row[0].set_ylabel("loop width (% of largest drive)")
     for ax in axes[-1]:
         ax.set_xlabel("reversible fraction")
@@ -99,15 +108,15 @@ def figure_benefit(gains: Benefit, metric: Metric) -> Figure:
     return figure
 
 
-def _map(ax: Axes, gains: Benefit, against: str, cells: Compared) -> QuadMesh:
-    widths = sorted({gains.row_width(cell.iron.scale) for cell in gains.cells})
+def _draw_map(ax: Axes, gains: Benefit, baseline: str, cells: ComparedCells) -> QuadMesh:
+    widths = sorted({gains.mean_loop_width(cell.iron.pinning_scale) for cell in gains.cells})
     shares = list(dict.fromkeys(cell.iron.reversible_fraction for cell in gains.cells))
     ratios = np.full((len(widths), len(shares)), np.nan)
     for cell, comparison in cells:
-        y = widths.index(gains.row_width(cell.iron.scale))
+        y = widths.index(gains.mean_loop_width(cell.iron.pinning_scale))
         x = shares.index(cell.iron.reversible_fraction)
-        ratios[y, x] = _ratio(comparison)
-        _write(ax, (x, y), against, cell, comparison)
+        ratios[y, x] = _ratio_or_nan(comparison)
+        _label_cell(ax, (x, y), baseline, cell, comparison)
     # Squares and not an image: a page has each of its identifiers once.
     mesh = ax.pcolormesh(
         np.arange(len(shares) + 1) - 0.5,
@@ -125,23 +134,23 @@ def _map(ax: Axes, gains: Benefit, against: str, cells: Compared) -> QuadMesh:
     return mesh
 
 
-def _ratio(comparison: Comparison) -> float:
+def _ratio_or_nan(comparison: Comparison) -> float:
     """Return the figure with compensation over that without; nan where one lost the armature."""
     return math.nan if comparison.quotient is None else comparison.quotient.value
 
 
-def _write(
-    ax: Axes, at: tuple[int, int], against: str, cell: MapCell, comparison: Comparison
+def _label_cell(
+    ax: Axes, position: tuple[int, int], map_baseline: str, cell: MapCell, comparison: Comparison
 ) -> None:
     """Write the ratio into its square; hatch the square where no gain is certain."""
-    x, y = at
-    ratio, baseline = _ratio(comparison), comparison.baseline
+    x, y = position
+    ratio, baseline = _ratio_or_nan(comparison), comparison.baseline
     text = "lost" if math.isnan(ratio) else f"{ratio:.2f}"
     if cell.iron.label == "pathological":
         text += "†"
-    if baseline and baseline != against:
-        text += f"\n{_SHORT.get(baseline, baseline)}"
-    plain = comparison.outcome == "gain"
+    if baseline and baseline != map_baseline:
+        text += f"\n{_SHORT_NAMES.get(baseline, baseline)}"
+    is_gain = comparison.outcome == "gain"
     ax.text(
         x,
         y,
@@ -149,31 +158,31 @@ def _write(
         ha="center",
         va="center",
         fontsize=7.0,
-        color="#FFFFFF" if plain and ratio < _DARK else INK,
-        bbox=None if plain else {"fc": "#FFFFFF", "ec": "none", "pad": 1.2},
+        color="#FFFFFF" if is_gain and ratio < _DARK_RATIO else INK_COLOUR,
+        bbox=None if is_gain else {"fc": "#FFFFFF", "ec": "none", "pad": 1.2},
     )
-    if not plain:
+    if not is_gain:
         corner, style = (x - 0.48, y - 0.48), _HATCHES[comparison.outcome]
         ax.add_patch(Rectangle(corner, 0.96, 0.96, fill=False, lw=0.8, **style))
 
 
-_COMPARED = (
+_COMPARISON_TEXT = (
     "Every iron is measured and identified again and all variants are fitted to the same loops, {} "
-    f"“{STRONGEST}” is, cell by cell, the best of ratio, linearised and single-valued, which know no "
+    f"“{STRONGEST_BASELINE}” is, cell by cell, the best of ratio, linearised and single-valued, which know no "
     "hysteresis: chance favours it a little. flux, where there is a Hall probe, stands beside them: "
     "it needs no model, as it measures the flux density."
 )
 
 
-def _headline(gains: Benefit, title: str, what: str, gains_of: str) -> Headline:
+def _headline(gains: Benefit, title: str, description: str, run_text: str) -> Headline:
     return Headline(
         title=title,
-        what=what,
+        description=description,
         basis=f"Simulated; intervals are those of 95 % confidence over {gains.seeds} noise seeds.",
-        notes=(Note("info", "What is compared", _COMPARED.format(gains_of)),),
+        notes=(Note("info", "What is compared", _COMPARISON_TEXT.format(run_text)),),
         tiles=(),
         comparison=None,
-        holds="These figures hold for this plant and these settings, and for no other iron.",
+        validity="These figures hold for this plant and these settings, and for no other iron.",
     )
 
 
@@ -185,9 +194,9 @@ def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, com
     runs = f"run with the same gains, {gains.seeds} noise seeds each."
     variants = ["full", *(one.baseline for cell in gains.cells for one in cell.strongest.values())]
     sections = (
-        structure(rig, table_of_full, [*variants, "ratio"]),
-        _section(gains),
-        origin(hashes([rig.path, controller.path]), command, rig.settings.seed),
+        structure_section(rig, table_of_full, [*variants, "ratio"]),
+        _benefit_section(gains),
+        origin_section(file_hashes([rig.path, controller.path]), command, rig.settings.seed),
     )
     head = _headline(gains, rig.settings.name, what, runs)
     return page_text("Magnetic bearing", head, sections)
@@ -195,30 +204,33 @@ def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, com
 
 def map_bearing(rig: BodyRig, task: SimulationTask) -> tuple[Benefit, str]:
     """Return what compensation gains over width and reversible part of the loops, and its page."""
-    ready = make_ready(rig, controller_of(rig, task.controller))
-    gains = benefit(ready.rig, ready.controller, progress=task.progress)
+    ready = check_inputs(rig, read_bearing_controller(rig, task.controller))
+    gains = map_bearing_benefit(ready.rig, ready.controller, progress=task.progress)
     command = task.command(" --benefit")
     return gains, render_bearing(ready.rig, ready.controller, gains, command)
 
 
 def map_plants(rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
     """Return what compensation gains on plants of a rig with other irons, and its page."""
-    gains, command = benefit_of_plants(rig, progress=task.progress), task.command(" --benefit")
+    gains, command = map_plant_benefit(rig, progress=task.progress), task.command(" --benefit")
     kind = rig.settings.kind.title
-    cases = ", ".join(dict.fromkeys(_case(cell.case) for cell in gains.cells))
+    cases = ", ".join(dict.fromkeys(_case_text(cell.case) for cell in gains.cells))
     what = f"{kind.capitalize()}, judged in: {cases}."
     runs = f"each with gains of its own where it has some, {gains.seeds} noise seeds each."
     head = _headline(gains, rig.settings.name, what, runs)
-    sections = (_section(gains), origin(hashes([rig.path]), command, rig.settings.seed))
+    sections = (
+        _benefit_section(gains),
+        origin_section(file_hashes([rig.path]), command, rig.settings.seed),
+    )
     return gains, page_text(kind.capitalize(), head, sections)
 
 
-def _section(gains: Benefit) -> Section:
+def _benefit_section(gains: Benefit) -> Section:
     blocks: list[Block] = []
     for metric in gains.metrics:
         title = metric.title
-        for against, cells in compared(gains, metric.key).items():
-            blocks.append(Text(_gains(gains, title.capitalize(), against, cells)))
+        for against, cells in compare_with_baselines(gains, metric.key).items():
+            blocks.append(Text(_gain_text(gains, title.capitalize(), against, cells)))
         blocks.append(
             picture(
                 figure_benefit(gains, metric),
@@ -234,48 +246,55 @@ def _section(gains: Benefit) -> Section:
                 "there; lin. is linearised.",
             )
         )
-    return Section("benefit", "Where compensation gains, and where not", (*blocks, _irons(gains)))
+    return Section(
+        "benefit", "Where compensation gains, and where not", (*blocks, _iron_table(gains))
+    )
 
 
-def _gains(gains: Benefit, title: str, against: str, cells: Compared) -> str:
+def _gain_text(gains: Benefit, title: str, baseline: str, cells: ComparedCells) -> str:
     """Say how many cells of one map gain, how many lose, and the best of them."""
-    gained = [one for one in cells if one[1].outcome == "gain"]
-    lost, idle = (
+    gain_cells = [pair for pair in cells if pair[1].outcome == "gain"]
+    loss_count, no_potential_count = (
         sum(comparison.outcome == what for _, comparison in cells)
         for what in ("loss", "nothing to gain")
     )
     text = (
-        f"{title} against {against}: a certain gain in {len(gained)} of {len(cells)} cells, a "
-        f"certain loss in {lost}, in {idle} there is nothing to gain"
+        f"{title} against {baseline}: a certain gain in {len(gain_cells)} of {len(cells)} cells, a "
+        f"certain loss in {loss_count}, in {no_potential_count} there is nothing to gain"
     )
-    if gained:
-        cell, best = min(gained, key=lambda one: _ratio(one[1]))
-        width, fraction = gains.row_width(cell.iron.scale), cell.iron.reversible_fraction
+    if gain_cells:
+        cell, best = min(gain_cells, key=lambda one: _ratio_or_nan(one[1]))
+        width, fraction = (
+            gains.mean_loop_width(cell.iron.pinning_scale),
+            cell.iron.reversible_fraction,
+        )
         share = "" if fraction is None else f"reversible fraction {fraction:g}, "
         text += (
-            f"; at best {100.0 * (1.0 - _ratio(best)):.0f}{NBSP}% less than {best.baseline} ("
-            f"{'step of ' * isinstance(cell.case, float)}{_case(cell.case)}, {share}loop width "
+            f"; at best {100.0 * (1.0 - _ratio_or_nan(best)):.0f}{NBSP}% less than {best.baseline} ("
+            f"{'step of ' * isinstance(cell.case, float)}{_case_text(cell.case)}, {share}loop width "
             f"{100.0 * width:.2g}{NBSP}%)"
         )
     return f"{text}."
 
 
-def _irons(gains: Benefit) -> PageTable:
+def _iron_table(gains: Benefit) -> PageTable:
     """Describe every iron by what loops show of it."""
     rows = [
         [
-            number(iron.scale, short=True),
-            NOT_KNOWN
+            format_number(iron.pinning_scale, short=True),
+            UNKNOWN_TEXT
             if iron.reversible_fraction is None
-            else number(iron.reversible_fraction, short=True),
-            f"{number(100.0 * iron.loop_width)}{NBSP}%",
-            NOT_KNOWN if iron.after_reversal is None else number(iron.after_reversal, 2),
-            NOT_KNOWN if iron.after_reversal_true is None else number(iron.after_reversal_true, 2),
-            iron.label or NOT_KNOWN,
+            else format_number(iron.reversible_fraction, short=True),
+            f"{format_number(100.0 * iron.loop_width)}{NBSP}%",
+            UNKNOWN_TEXT if iron.after_reversal is None else format_number(iron.after_reversal, 2),
+            UNKNOWN_TEXT
+            if iron.after_reversal_true is None
+            else format_number(iron.after_reversal_true, 2),
+            iron.label or UNKNOWN_TEXT,
         ]
         for iron in dict.fromkeys(cell.iron for cell in gains.cells)
     ]
-    return table(
+    return make_table(
         "Irons",
         (
             "pinning, times",

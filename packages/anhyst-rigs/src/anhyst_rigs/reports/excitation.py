@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from anhyst_rigs.study.excite.excite import Excitation
 
-_MOST_POINTS = 20_000
+_MAX_LINE_POINTS = 20_000
 """Lines are drawn with at most about this many points."""
 
 
@@ -19,18 +19,20 @@ def figure_excitation(excitation: Excitation) -> Figure:
     """Draw the drive over time, with the warmth of the winding, beside the loops it measured."""
     from matplotlib.figure import Figure
 
-    played = excitation.played
+    played = excitation.drive_history
     figure = Figure(figsize=(11.0, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2)
-    every = slice(None, None, 1 + played.time.size // _MOST_POINTS)
-    left.plot(played.time[every], played.current[every], lw=0.6, color="0.3")
-    left.axhline(excitation.specimen.current.value, color="tab:red", lw=0.8, ls="--")
+    thinning = slice(None, None, 1 + played.time.size // _MAX_LINE_POINTS)
+    left.plot(played.time[thinning], played.current[thinning], lw=0.6, color="0.3")
+    left.axhline(excitation.specimen.max_current.value, color="tab:red", lw=0.8, ls="--")
     left.set_xlabel("time [s]")
     left.set_ylabel(f"{excitation.specimen.drive} [{excitation.specimen.units[0]}]")
     left.set_title("driven, rests and conditioning included", loc="left", fontsize="medium")
     if np.isfinite(played.warmth).all():
         warm = left.twinx()
-        warm.plot(played.time[every], 100.0 * played.warmth[every], color="tab:orange", lw=1.0)
+        warm.plot(
+            played.time[thinning], 100.0 * played.warmth[thinning], color="tab:orange", lw=1.0
+        )
         warm.set_ylabel("I²t [% of what trips]")
         warm.set_ylim(0.0, 105.0)
     excitation.loops.plot(right)

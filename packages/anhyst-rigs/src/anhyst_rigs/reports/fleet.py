@@ -6,22 +6,32 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from anhyst.support.atomic import PathLike
-from anhyst.support.page import Block, Headline, Items, Note, PageTable, Section, Text, Tile, table
+from anhyst.support.page import (
+    Block,
+    Headline,
+    Items,
+    Note,
+    PageTable,
+    Section,
+    Text,
+    Tile,
+    make_table,
+)
 from anhyst_rigs.reports.study.page import page_text, picture, write_page
 from anhyst_rigs.study.fleet import Fleet
 from anhyst_rigs.study.fleet_spread import FleetSpread
 
-_MOST_ROWS = 200
+_MAX_ROWS = 200
 
 
 def write_fleet_report(path: PathLike, fleet: Fleet) -> None:
     """Write the report of a fleet: one HTML file that needs nothing else."""
-    sections = [_errors(fleet), _scatter(fleet), _magnets(fleet)]
+    sections = [_error_section(fleet), _scatter_section(fleet), _magnet_section(fleet)]
     write_page(path, page_text("Fleet of magnets", _headline(fleet), sections, "their loops"))
 
 
 def _headline(fleet: Fleet) -> Headline:
-    count, good, shared = len(fleet.results), sum(fleet.good), sum(fleet.good_shared)
+    count, good, shared = len(fleet.results), sum(fleet.is_good), sum(fleet.is_good_shared)
     notes = [Note("warn", "Doubtful", f"{text}.") for text in fleet.warnings]
     if fleet.failed:
         notes.append(Note("bad", "Not judged", f"{', '.join(fleet.failed)}: see below."))
@@ -37,7 +47,7 @@ def _headline(fleet: Fleet) -> Headline:
         notes.append(Note("info", "Measuring each pays", f"{text}."))
     return Headline(
         title="Fleet of magnets",
-        what=f"{count} magnets, law {fleet.settings.law}, gap map {fleet.settings.gap_map}; "
+        description=f"{count} magnets, law {fleet.settings.law}, gap map {fleet.settings.gap_map}; "
         f"controllers of {fleet.settings.rate:g} ticks a second in {fleet.settings.io}.",
         basis=f"A good magnet: its verified controller is at most "
         f"{fleet.settings.tolerance:g} % of the largest output off, rms over its loops.",
@@ -49,11 +59,11 @@ def _headline(fleet: Fleet) -> Headline:
             Tile(str(len(fleet.failed)), "not judged", "bad files"),
         ),
         comparison=None,
-        holds="",
+        validity="",
     )
 
 
-def _errors(fleet: Fleet) -> Section:
+def _error_section(fleet: Fleet) -> Section:
     figure = Figure(figsize=(7.2, 3.6), layout="constrained")
     fleet.plot(figure.add_subplot())
     shown = picture(
@@ -66,7 +76,7 @@ def _errors(fleet: Fleet) -> Section:
     return Section("errors", "How good they are", (shown,))
 
 
-def _scatter(fleet: Fleet) -> Section:
+def _scatter_section(fleet: Fleet) -> Section:
     spread = fleet.spread
     if spread is None:
         text = "Too few magnets, or magnets of different laws or gaps: no scatter is stated."
@@ -78,9 +88,9 @@ def _scatter(fleet: Fleet) -> Section:
     size = np.where(spread.mean != 0.0, np.abs(spread.mean), 1.0)
     for index in range(len(fleet.quantities)):
         share = 100.0 * (values[:, index] - spread.mean[index]) / size[index]
-        odd = spread.outlier
-        ax.plot(share[~odd], np.full((~odd).sum(), index), "|", ms=9, color="C0")
-        ax.plot(share[odd], np.full(odd.sum(), index), "x", ms=6, color="C3")
+        is_outlier = spread.outlier
+        ax.plot(share[~is_outlier], np.full((~is_outlier).sum(), index), "|", ms=9, color="C0")
+        ax.plot(share[is_outlier], np.full(is_outlier.sum(), index), "x", ms=6, color="C3")
     ax.set_yticks(range(len(fleet.quantities)), fleet.quantities, fontsize="small")
     ax.set_xlabel("deviation from the mean [%]")
     ax.set_xscale("symlog", linthresh=10.0)
@@ -108,10 +118,10 @@ def scatter_table(fleet: Fleet, spread: FleetSpread) -> PageTable:
         for name, mean, scatter in zip(fleet.quantities, spread.mean, spread.scatter, strict=True)
     ]
     head = ("quantity", "mean", "scatter", "%")
-    return table("Mean and scatter over the fleet", head, rows)
+    return make_table("Mean and scatter over the fleet", head, rows)
 
 
-def _magnets(fleet: Fleet) -> Section:
+def _magnet_section(fleet: Fleet) -> Section:
     columns = fleet.to_columns()
     rows = [
         (name, "yes" if good else "no", f"{own:.2f}", f"{shared:.2f}", f"{distance:.1f}")
@@ -129,9 +139,9 @@ def _magnets(fleet: Fleet) -> Section:
         "The worst first; rms of the largest output, per cent; distance from the mean in standard "
         "deviations."
     )
-    blocks: list[Block] = [table("Magnets", head, rows[:_MOST_ROWS], caption, texts=2)]
-    if len(rows) > _MOST_ROWS:
-        blocks.append(Text(f"The other {len(rows) - _MOST_ROWS} are in fleet.csv."))
+    blocks: list[Block] = [make_table("Magnets", head, rows[:_MAX_ROWS], caption, texts=2)]
+    if len(rows) > _MAX_ROWS:
+        blocks.append(Text(f"The other {len(rows) - _MAX_ROWS} are in fleet.csv."))
     if fleet.failed:
         reasons = tuple(f"{name}: {why}" for name, why in fleet.failed.items())
         blocks.append(Items("Not judged", reasons))

@@ -7,79 +7,87 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from anhyst.support.atomic import check_writable
-from anhyst.support.figures import new_figure, styled, write_svg
+from anhyst.support.figures import new_figure, use_report_style, write_svg
 from anhyst.support.page import NBSP, Headline, PageTable, Section
 from anhyst_rigs.reports.study.page import (
-    Printed,
-    hashes,
+    TerminalSummary,
+    comparison_tile,
+    file_hashes,
     legend_below,
     method_table,
-    origin,
+    origin_section,
     page_text,
     picture,
-    tile,
     verdict_note,
 )
 from anhyst_rigs.reports.study.task import SimulationTask, files_written
 from anhyst_rigs.rig.piezo import read_piezo_rig
 from anhyst_rigs.study.engine.table import Interval
-from anhyst_rigs.study.piezo import METRICS, TITLES, PiezoTracking, track
+from anhyst_rigs.study.piezo import (
+    COMPENSATION_TITLES,
+    DEVIATION_METRICS,
+    PiezoTracking,
+    simulate_tracking,
+)
 
-LOOK = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
+COLOURS = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
 
 
-@styled
+@use_report_style
 def figure_tracking(tracked: PiezoTracking) -> Figure:
     """Draw the reference and what each way deviates from it, over the cycles that are judged."""
     figure = new_figure(6.5)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
-    judged = slice(tracked.judged_from, None)
+    judged = slice(tracked.first_evaluated_tick, None)
     full = tracked.runs["full"]
     time = full["t_s"][judged]
     upper.plot(time, 1e6 * full["reference_m"][judged], color="0.3")
     upper.set_ylabel("reference (µm)")
     for name, run in tracked.runs.items():
-        label = f"{TITLES[name]}: {1e9 * tracked.errors[name]['rms_m']:.0f} nm rms"
-        lower.plot(time, 1e9 * run["error_m"][judged], color=LOOK[name], lw=1.0, label=label)
+        label = f"{COMPENSATION_TITLES[name]}: {1e9 * tracked.errors[name]['rms_m']:.0f} nm rms"
+        lower.plot(time, 1e9 * run["error_m"][judged], color=COLOURS[name], lw=1.0, label=label)
     lower.set(xlabel="time (s)", ylabel="deviation (nm)")
     legend_below(figure, lower, columns=3)
     return figure
 
 
-def comparison(tracked: PiezoTracking) -> PageTable:
+def comparison_table(tracked: PiezoTracking) -> PageTable:
     """Return how far each way deviates from the triangle."""
-    ways = {TITLES[name]: one for name, one in tracked.errors.items()}
+    errors = {COMPENSATION_TITLES[name]: figures for name, figures in tracked.errors.items()}
     return method_table(
         "Deviation from the triangle",
-        METRICS,
-        {name: lambda key, one=one: Interval(one[key], 0.0, 1) for name, one in ways.items()},  # type: ignore[misc]
+        DEVIATION_METRICS,
+        {name: lambda key, own=own: Interval(own[key], 0.0, 1) for name, own in errors.items()},  # type: ignore[misc]
     )
 
 
-def printed(tracked: PiezoTracking) -> Printed:
+def terminal_summary(tracked: PiezoTracking) -> TerminalSummary:
     """Return what a terminal shows of a piezo stage."""
-    return Printed(
-        [comparison(tracked)], [f"rms with compensation over without: {tracked.ratio():.2f}"]
+    return TerminalSummary(
+        [comparison_table(tracked)],
+        [f"rms with compensation over without: {tracked.deviation_ratio():.2f}"],
     )
 
 
 def render(tracked: PiezoTracking, command: str) -> str:
     """Return the page of a piezo stage."""
     file = tracked.rig.settings
-    moved, plain = file.moved, tracked.errors["none"]
+    moved, plain = file.displacement_case, tracked.errors["none"]
     head = Headline(
         title=file.name,
-        what=f"A piezo stage that follows a triangle of {1e6 * moved.stroke_m:g}{NBSP}µm, "
+        description=f"A piezo stage that follows a triangle of {1e6 * moved.stroke_m:g}{NBSP}µm, "
         f"{moved.frequency_Hz:g} times a second, at {file.timing.rate_Hz:g} ticks a second.",
         basis="Simulated. What makes the voltage of a displacement is identified from loops that "
         "the virtual stage gives, with the noise of its sensor.",
         notes=(verdict_note(tracked.verdict),),
         tiles=tuple(
-            tile(metric, tracked.errors["full"][metric.key], plain[metric.key], "a constant")
-            for metric in METRICS
+            comparison_tile(
+                metric, tracked.errors["full"][metric.key], plain[metric.key], "a constant"
+            )
+            for metric in DEVIATION_METRICS
         ),
-        comparison=comparison(tracked),
-        holds="These figures hold for this stage and this triangle.",
+        comparison=comparison_table(tracked),
+        validity="These figures hold for this stage and this triangle.",
     )
     shown = picture(
         figure_tracking(tracked),
@@ -89,7 +97,7 @@ def render(tracked: PiezoTracking, command: str) -> str:
     )
     sections = [
         Section("tracking", "Following the triangle", (shown,)),
-        origin(hashes([tracked.rig.path]), command, file.seed),
+        origin_section(file_hashes([tracked.rig.path]), command, file.seed),
     ]
     return page_text("Piezo stage", head, sections)
 
@@ -97,14 +105,14 @@ def render(tracked: PiezoTracking, command: str) -> str:
 def simulate(task: SimulationTask) -> PiezoTracking:
     """Follow the triangle of a piezo stage with and without compensation."""
     rig, picture = read_piezo_rig(task.rig), task.out.with_suffix(".svg")
-    if task.written:
+    if task.writes_files:
         check_writable(picture, [rig.path])
-    tracked = task.study(lambda: track(rig), render, [rig.path])
-    if task.written:
+    tracked = task.study(lambda: simulate_tracking(rig), render, [rig.path])
+    if task.writes_files:
         write_svg(figure_tracking(tracked), picture)
     return tracked
 
 
-def written(result: PiezoTracking, out: Path) -> str:
+def written_files(result: PiezoTracking, out: Path) -> str:
     """Say what was written."""
     return f"{files_written(result, out)}, {out.with_suffix('.svg')}"

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Protocol
 
 from anhyst.support.atomic import PathLike, check_writable, write_json
-from anhyst.support.jobs import Progress, in_parts
+from anhyst.support.jobs import Progress, split_progress
 from anhyst.support.page import PageTable
 from anhyst_rigs.reports import plants
-from anhyst_rigs.reports.study.page import Printed, write_page
-from anhyst_rigs.reports.study.task import MONTE_CARLO, SimulationTask
+from anhyst_rigs.reports.study.page import TerminalSummary, write_page
+from anhyst_rigs.reports.study.task import MONTE_CARLO_NAME, SimulationTask
 from anhyst_rigs.study.bearing.on_board import BoardComparison
 from anhyst_rigs.study.bearing.simulate import Simulation
 from anhyst_rigs.study.benefit import AnyRig, Benefit
@@ -23,16 +23,18 @@ from anhyst_rigs.study.piezo import PiezoTracking
 from anhyst_rigs.study.tracking.simulate import TrackingStudy
 
 
-def lines_of(result: StudyResult, printed: Printed, written: str) -> Iterator[str | PageTable]:
+def study_output(
+    result: StudyResult, printed: TerminalSummary, written: str
+) -> Iterator[str | PageTable]:
     """Return what a terminal shows of a study: losses, verdict, what was written, tables."""
     tables, lines = printed
-    yield from (f"lost: {one}" for one in result.lost_in)
+    yield from (f"lost: {loss}" for loss in result.lost_in)
     yield f"verdict: {result.verdict.sentence}"
     yield f"written: {written}"
     yield from tables
     yield from lines
-    for name, why in getattr(result, "left_out", {}).items():
-        yield f"left out: {name}: {why}"
+    for name, reason in getattr(result, "left_out", {}).items():
+        yield f"left out: {name}: {reason}"
 
 
 Simulated = Simulation | TrackingStudy | PiezoTracking | ForceControl
@@ -49,7 +51,7 @@ class HasSimulation(Protocol):
         :meth:`anhyst_rigs.reports.study.task.SimulationTask.study` does this.
         """
 
-    def printed(self, result: StudyResult) -> Printed:
+    def printed(self, result: StudyResult) -> TerminalSummary:
         """Return what a terminal shows of that, beside losses and verdict."""
 
     def written(self, result: StudyResult, out: Path) -> str:
@@ -90,26 +92,28 @@ class HasBoard(Protocol):
 
 def monte_carlo(kind: HasPlants, task: SimulationTask, count: int) -> MonteCarlo:
     """Run plants that have drifted; goes on with what the file holds."""
-    task.must_end(".jsonl", "results of a Monte Carlo are")
-    figures, files = task.out.parent / MONTE_CARLO, kind.files(task.rig, task.controller)
-    for path in (figures, task.report):
+    task.require_suffix(".jsonl", "results of a Monte Carlo are")
+    figures, files = task.out.parent / MONTE_CARLO_NAME, kind.files(task.rig, task.controller)
+    for path in (figures, task.report_path):
         check_writable(path, files)
-    begun, run = in_parts(task.progress, (1.0, 4.0))
-    drawn = kind.plants(task.rig, task.controller, begun)
-    begun(1, 1)
-    runs = run_plants(drawn, task.out, count, run)
+    setup_progress, run_progress = split_progress(task.progress, (1.0, 4.0))
+    sampled_plants = kind.plants(task.rig, task.controller, setup_progress)
+    setup_progress(1, 1)
+    runs = run_plants(sampled_plants, task.out, count, run_progress)
     runs.write_figures(figures)
-    write_page(task.report, plants.render(runs, files, task.command(f" --monte-carlo {count}")))
+    write_page(
+        task.report_path, plants.render(runs, files, task.command(f" --monte-carlo {count}"))
+    )
     return runs
 
 
 def map_benefit(kind: HasBenefit, task: SimulationTask) -> Benefit:
     """Map what compensation gains on other irons."""
-    task.must_end(".json", "the map is")
+    task.require_suffix(".json", "the map is")
     files = kind.files(task.rig, task.controller)
-    for path in (task.out, task.report):
+    for path in (task.out, task.report_path):
         check_writable(path, files)
     gains, text = kind.benefit(kind.read(task.rig), task)
     write_json(task.out, gains.as_dict())
-    write_page(task.report, text)
+    write_page(task.report_path, text)
     return gains

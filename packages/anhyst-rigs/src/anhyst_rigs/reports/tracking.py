@@ -8,134 +8,153 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from anhyst.support.figures import new_figure, styled
+from anhyst.support.figures import new_figure, use_report_style
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import NBSP, Headline, Items, Note, PageTable, Section, Text, number, table
+from anhyst.support.page import (
+    NBSP,
+    Headline,
+    Items,
+    Note,
+    PageTable,
+    Section,
+    Text,
+    format_number,
+    make_table,
+)
 from anhyst_rigs.reports.study.page import (
-    INK,
-    SHADE,
-    Printed,
-    hashes,
+    INK_COLOUR,
+    SHADE_COLOUR,
+    TerminalSummary,
+    comparison_tile,
+    file_hashes,
     legend_below,
     legend_table,
-    line_of,
+    line_style,
     method_table,
-    origin,
+    origin_section,
     page_text,
     picture,
-    thinned,
-    tile,
+    thin_curves,
     verdict_note,
 )
 from anhyst_rigs.reports.study.task import SimulationTask
-from anhyst_rigs.rig.recording import Recording, moving
+from anhyst_rigs.rig.recording import Recording, moving_statistics
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
+from anhyst_rigs.rig.stage.setpoint import SetPoint, scan_motion
 from anhyst_rigs.study.tracking.measures import (
-    BANDS_M,
-    EXPOSE_AFTER_S,
-    LOSS_HEAD,
+    EXPOSURE_DELAY_S,
+    LOSS_COLUMNS,
     LOSS_NOTES,
     LOSS_TITLE,
     METRICS,
-    cross_metrics,
+    SETTLING_BANDS_M,
+    cross_talk_metrics,
 )
-from anhyst_rigs.study.tracking.simulate import OWN, TrackingStudy, TriedVariant, explore_stage
+from anhyst_rigs.study.tracking.simulate import (
+    COMPENSATOR,
+    TrackingStudy,
+    VariantResult,
+    explore_stage,
+)
 
 
-def limits(study: TrackingStudy) -> list[str]:
+def limit_texts(study: TrackingStudy) -> list[str]:
     """Say what is gained with small forces, at a standstill and on one repeated set-point."""
-    own, plain = study.tried[OWN], study.tried[study.memoryless]
+    own, best = study.variants[COMPENSATOR], study.variants[study.memoryless]
     name = study.memoryless
 
-    def against(mine: float, its: float, what: str) -> str:
-        word = "nothing to gain" if mine >= its else f"{mine / its:.2g} of it"
-        if its <= BANDS_M[-1]:
-            word = f"little to gain: that is within {1e9 * BANDS_M[-1]:g} nm without it"
-        return f"{what}: {1e9 * mine:.3g} nm against {1e9 * its:.3g} nm of '{name}', {word}"
+    def compare(own_value: float, baseline: float, title: str) -> str:
+        word = "nothing to gain" if own_value >= baseline else f"{own_value / baseline:.2g} of it"
+        if baseline <= SETTLING_BANDS_M[-1]:
+            word = f"little to gain: that is within {1e9 * SETTLING_BANDS_M[-1]:g} nm without it"
+        return (
+            f"{title}: {1e9 * own_value:.3g} nm against {1e9 * baseline:.3g} nm of '{name}', {word}"
+        )
 
     return [
-        against(
-            own.small.peak_m, plain.small.peak_m, "A tenth of the forces, the same gains, peak"
+        compare(
+            own.small_force_measures.peak_m,
+            best.small_force_measures.peak_m,
+            "A tenth of the forces, the same gains, peak",
         ),
-        against(own.standstill_m, plain.standstill_m, "Standstill, the long stroke moving, rms"),
-        against(
-            own.repeated.average_m,
-            plain.repeated.average_m,
+        compare(own.standstill_m, best.standstill_m, "Standstill, the long stroke moving, rms"),
+        compare(
+            own.repeated_setpoint_measures.average_m,
+            best.repeated_setpoint_measures.average_m,
             "One set-point repeated, gains found on that very one, moving average",
         ),
     ]
 
 
-_BEFORE_S = 5e-3
+_SHOWN_BEFORE_S = 5e-3
 """Shown before the turnaround."""
 
 
-@styled
-def figure_scan(tried: Mapping[MethodName, TriedVariant], motion: SetPoint, slit: float) -> Figure:
+@use_report_style
+def figure_scan(tried: Mapping[MethodName, VariantResult], motion: SetPoint, slit: float) -> Figure:
     """Draw set-point, error, moving average and force error over the last scan."""
     figure = new_figure(9.6)
     axes = figure.subplots(4, 1, sharex=True, height_ratios=(1.1, 2, 2, 1.6))
-    first = next(iter(tried.values())).shown
+    first = next(iter(tried.values())).recording
     begin, length, _ = motion.pulses[-1]
-    part = slice(round((begin - _BEFORE_S) / first.dt), len(first))
+    part = slice(round((begin - _SHOWN_BEFORE_S) / first.dt), len(first))
     time = 1e3 * (first["t_s"][part] - begin)
-    _, acceleration, _, _ = motion.at(first["t_s"][part])
-    axes[0].plot(time, acceleration, color=INK, lw=1.2)
+    _, acceleration, _, _ = motion.derivatives_at(first["t_s"][part])
+    axes[0].plot(time, acceleration, color=INK_COLOUR, lw=1.2)
     axes[0].set_ylabel("acceleration [m/s²]")
     for name, variant in tried.items():
-        run = variant.shown
-        axes[1].plot(*thinned(time, 1e9 * run["error_m"][part]), label=name, **line_of(name))
-        axes[2].plot(*thinned(*_average(run, slit, begin)), **line_of(name))
-        axes[3].plot(*thinned(time, run["force_error_N"][part]), **line_of(name))
+        run = variant.recording
+        axes[1].plot(*thin_curves(time, 1e9 * run["error_m"][part]), label=name, **line_style(name))
+        axes[2].plot(*thin_curves(*_moving_average(run, slit, begin)), **line_style(name))
+        axes[3].plot(*thin_curves(time, run["force_error_N"][part]), **line_style(name))
     axes[1].set_ylabel("error [nm]")
     axes[2].set_ylabel(f"mean over {1e3 * slit:g} ms [nm]")
     axes[3].set_ylabel("force error [N]")
     axes[3].set_xlabel("time since the turnaround began [ms]")
     for ax in axes[1:3]:
         ax.set_yscale("symlog", linthresh=100.0)
-    exposed = 1e3 * (length + EXPOSE_AFTER_S)
+    exposed = 1e3 * (length + EXPOSURE_DELAY_S)
     for ax in axes[1:]:
-        ax.axvspan(exposed, time[-1], color=SHADE, alpha=0.12, lw=0)
+        ax.axvspan(exposed, time[-1], color=SHADE_COLOUR, alpha=0.12, lw=0)
     legend_below(figure, axes[1], columns=6)
     return figure
 
 
-def _average(run: Recording, slit: float, begin: float) -> tuple[FloatArray, FloatArray]:
+def _moving_average(run: Recording, slit: float, begin: float) -> tuple[FloatArray, FloatArray]:
     """Return the moving mean in the middle of its window, ms and nm."""
-    mean, _ = moving(run["error_m"], round(slit / run.dt))
+    mean, _ = moving_statistics(run["error_m"], round(slit / run.dt))
     time = 1e3 * (run["t_s"][: mean.size] + 0.5 * slit - begin)
-    shown = time >= -1e3 * _BEFORE_S
+    shown = time >= -1e3 * _SHOWN_BEFORE_S
     return time[shown], 1e9 * mean[shown]
 
 
-@styled
-def figure_settling(tried: Mapping[MethodName, TriedVariant], cruise: float) -> Figure:
+@use_report_style
+def figure_settling(tried: Mapping[MethodName, VariantResult], cruise: float) -> Figure:
     """Draw how long the scans of all seeds take to settle, a row a variant."""
     figure = new_figure(0.9 * len(tried) + 1.0)
     axes = figure.subplots(len(tried), 2, sharex=True, squeeze=False)
     edges = 1e3 * np.linspace(0.0, cruise, 51)
     for row, (name, variant) in zip(axes, tried.items(), strict=True):
-        for ax, settled in zip(row, variant.settled, strict=True):
-            ax.hist(1e3 * np.asarray(settled), bins=edges.tolist(), color=line_of(name)["color"])
+        for ax, settled in zip(row, variant.settling_times, strict=True):
+            ax.hist(1e3 * np.asarray(settled), bins=edges.tolist(), color=line_style(name)["color"])
         row[0].set_ylabel(name, rotation=0, ha="right", va="center")
-    for ax, band in zip(axes[0], BANDS_M, strict=True):
+    for ax, band in zip(axes[0], SETTLING_BANDS_M, strict=True):
         ax.set_title(f"into {1e9 * band:g} nm")
     for ax in axes[-1]:
         ax.set_xlabel("after the end of the acceleration [ms]")
     return figure
 
 
-@styled
-def figure_learning(tried: Mapping[MethodName, TriedVariant]) -> Figure:
+@use_report_style
+def figure_learning(tried: Mapping[MethodName, VariantResult]) -> Figure:
     """Draw the peak of the error over the trials of learning control."""
     figure = new_figure(3.2)
     ax = figure.subplots()
     for name, variant in tried.items():
-        peaks = 1e9 * np.asarray(variant.trials_m)
+        peaks = 1e9 * np.asarray(variant.learning_peaks_m)
         ax.semilogy(
-            np.arange(1, peaks.size + 1), peaks, marker="o", ms=3, label=name, **line_of(name)
+            np.arange(1, peaks.size + 1), peaks, marker="o", ms=3, label=name, **line_style(name)
         )
     ax.set_xlabel("trial")
     ax.set_ylabel("peak error [nm]")
@@ -143,49 +162,51 @@ def figure_learning(tried: Mapping[MethodName, TriedVariant]) -> Figure:
     return figure
 
 
-def printed(study: TrackingStudy) -> Printed:
+def terminal_summary(study: TrackingStudy) -> TerminalSummary:
     """Return what a terminal shows of a stage."""
     lines = [
         f"mean of {study.rig.settings.noise_seeds} noise seeds with its 95 % interval; gains found "
         "on the training set-point",
-        *(f"against '{name}': {one.sentence}" for name, one in study.verdicts.items()),
-        *([] if study.lost_in else limits(study)),
+        *(f"against '{name}': {verdict.sentence}" for name, verdict in study.verdicts.items()),
+        *([] if study.lost_in else limit_texts(study)),
         *(
-            f"learnt: {name}: {variant.learnt.judgement}"
-            for name, variant in study.tried.items()
-            if variant.learnt
+            f"learnt: {name}: {variant.calibration.summary}"
+            for name, variant in study.variants.items()
+            if variant.calibration
         ),
     ]
-    return Printed([comparison(study), *cross_tables(study), *loss_tables(study)], lines)
+    return TerminalSummary(
+        [comparison_table(study), *cross_tables(study), *loss_tables(study)], lines
+    )
 
 
 def render(study: TrackingStudy, command: str) -> str:
     """Return the page of a stage."""
     settled = picture(
-        figure_settling(study.tried, study.rig.settings.scan.cruise_s),
+        figure_settling(study.variants, study.rig.settings.scan.cruise_s),
         "settling",
         "Histograms of the settling time into 50 and 10 nm, a row a variant.",
         "Every scan of every noise seed; at the right end those that never settled.",
     )
     sections = [
-        _scan(study),
+        _scan_section(study),
         Section("cross-talk", "Cross-talk", tuple(cross_tables(study))),
         Section("settling", "Settling", (settled,)),
-        _limits(study),
-        _learning(study),
+        _limit_section(study),
+        _learning_section(study),
         Section("losses", "What is lost, and lift-off", tuple(loss_tables(study))),
-        origin(hashes([study.rig.path, *study.rig.measured.files]), command),
+        origin_section(file_hashes([study.rig.path, *study.rig.measured_loops.files]), command),
     ]
     return page_text("Short-stroke stage", _headline(study), sections)
 
 
-def comparison(study: TrackingStudy) -> PageTable:
+def comparison_table(study: TrackingStudy) -> PageTable:
     """Return the figures of all variants on the test set-point."""
     return method_table(
         f"All variants on the test set-point, crossover "
         f"{study.rig.settings.tracking.crossover_Hz:g} Hz",
         METRICS,
-        {name: variant.of for name, variant in study.tried.items()},
+        {name: variant.interval for name, variant in study.variants.items()},
         "The first scan is left out. Moving average and deviation over a slit of "
         f"{1e3 * study.rig.settings.scan.slit_s:g} ms, from 5 ms after the acceleration on; "
         "largest of all scans. A scan that does not settle counts with its whole cruise.",
@@ -194,32 +215,34 @@ def comparison(study: TrackingStudy) -> PageTable:
 
 def cross_tables(study: TrackingStudy) -> list[PageTable]:
     """Return what each coordinate does that the set-point does not move; none of a body of one."""
-    metrics = cross_metrics(study.rig.settings)
+    metrics = cross_talk_metrics(study.rig.settings)
     if not metrics:
         return []
-    at_rest = study.tried[OWN].at_rest
-    rests = table(
+    at_rest = study.variants[COMPENSATOR].standstill_by_axis
+    rest_table = make_table(
         "Every coordinate at rest, rms",
         ["variant", *(f"{axis.replace('_', ' (n')})" for axis in at_rest)],
         [
-            [name, *(number(1e9 * rest, 3) for rest in variant.at_rest.values())]
-            for name, variant in study.tried.items()
+            [name, *(format_number(1e9 * rest, 3) for rest in variant.standstill_by_axis.values())]
+            for name, variant in study.variants.items()
         ],
         "The long stroke moves.",
     )
-    crossed = method_table(
+    cross_table = method_table(
         "Largest error of every coordinate that the set-point does not move",
         metrics,
-        {name: variant.of for name, variant in study.tried.items()},
+        {name: variant.interval for name, variant in study.variants.items()},
         "On the test set-point, the first scan left out.",
     )
-    return [crossed, rests]
+    return [cross_table, rest_table]
 
 
 def loss_tables(study: TrackingStudy) -> list[PageTable]:
     """Return what became of a stage without each of its magnets, where the rig file loses any."""
-    rows = [loss.cells() for loss in study.losses]
-    return [table(LOSS_TITLE, LOSS_HEAD, rows, " ".join(LOSS_NOTES), texts=2)] if rows else []
+    rows = [loss.table_cells() for loss in study.losses]
+    return (
+        [make_table(LOSS_TITLE, LOSS_COLUMNS, rows, " ".join(LOSS_NOTES), texts=2)] if rows else []
+    )
 
 
 def _headline(study: TrackingStudy) -> Headline:
@@ -231,8 +254,8 @@ def _headline(study: TrackingStudy) -> Headline:
     free = ", ".join(plant.body.free)
     return Headline(
         title=plant.name,
-        what=f"A mass of {plant.body.mass_kg:g}{NBSP}kg, free in {free}, between "
-        f"{_MAGNETS.get(len(plant.placed), str(len(plant.placed)))} magnets at "
+        description=f"A mass of {plant.body.mass_kg:g}{NBSP}kg, free in {free}, between "
+        f"{_COUNT_WORDS.get(len(plant.body_magnets), str(len(plant.body_magnets)))} magnets at "
         f"{1e3 * study.rig.gap:g}{NBSP}mm, which ride on a long stroke that is off by "
         f"{1e6 * plant.frame.stray_m:g}{NBSP}µm; position loop of {tracking.crossover_Hz:g}{NBSP}Hz, "
         f"{plant.timing.rate_Hz:g} ticks a second, compensators in format {tracking.format}.",
@@ -241,33 +264,35 @@ def _headline(study: TrackingStudy) -> Headline:
         f"Intervals are those of 95 % confidence over {plant.noise_seeds} noise seeds.",
         notes=tuple(notes),
         tiles=tuple(
-            tile(
+            comparison_tile(
                 metric,
-                study.tried[OWN].of(metric.key).mean,
-                study.tried[study.memoryless].of(metric.key).mean,
+                study.variants[COMPENSATOR].interval(metric.key).mean,
+                study.variants[study.memoryless].interval(metric.key).mean,
                 study.memoryless,
             )
-            for metric in _TILES
+            for metric in _TILE_METRICS
         ),
-        comparison=comparison(study),
-        holds="These figures hold for this plant and these settings, and for no other iron.",
+        comparison=comparison_table(study),
+        validity="These figures hold for this plant and these settings, and for no other iron.",
     )
 
 
-_TILES = [
+_TILE_METRICS = [
     metric
     for metric in METRICS
     if metric.key in ("peak_m", "average_m", "settling_50_s", "settling_10_s")
 ]
-_MAGNETS = {2: "two", 3: "three", 8: "eight", 10: "ten"}
+_COUNT_WORDS = {2: "two", 3: "three", 8: "eight", 10: "ten"}
 
 
-def _scan(study: TrackingStudy) -> Section:
-    held = {name: variant for name, variant in study.tried.items() if variant.shown.loss is None}
-    shown = held or study.tried
+def _scan_section(study: TrackingStudy) -> Section:
+    not_lost = {
+        name: variant for name, variant in study.variants.items() if variant.recording.loss is None
+    }
+    shown = not_lost or study.variants
     names = ", ".join(shown)
     scan = study.rig.settings.scan
-    figure = figure_scan(shown, motion_of(scan, scan.test_m_per_s2), scan.slit_s)
+    figure = figure_scan(shown, scan_motion(scan, scan.test_m_per_s2), scan.slit_s)
     caption = (
         "The last scan of the test set-point: acceleration, error of the true position, its mean "
         "over the slit, and true force less what was demanded a delay earlier. Error and mean are "
@@ -275,30 +300,33 @@ def _scan(study: TrackingStudy) -> Section:
         "that were lost are left out."
     )
     alt = f"Set-point, error, moving average and force error over time: {names}."
-    blocks = (picture(figure, "scan", alt, caption), legend_table(list(study.tried)))
+    blocks = (picture(figure, "scan", alt, caption), legend_table(list(study.variants)))
     return Section("scan", "One scan", blocks)
 
 
-def _limits(study: TrackingStudy) -> Section:
-    columns: tuple[tuple[str, Callable[[TriedVariant], float]], ...] = (
-        ("small forces: peak [nm]", lambda one: 1e9 * one.small.peak_m),
-        ("mean over the slit [nm]", lambda one: 1e9 * one.small.average_m),
+def _limit_section(study: TrackingStudy) -> Section:
+    columns: tuple[tuple[str, Callable[[VariantResult], float]], ...] = (
+        ("small forces: peak [nm]", lambda variant: 1e9 * variant.small_force_measures.peak_m),
+        ("mean over the slit [nm]", lambda one: 1e9 * one.small_force_measures.average_m),
         ("standstill, rms [nm]", lambda one: 1e9 * one.standstill_m),
-        ("one repeated set-point: peak [nm]", lambda one: 1e9 * one.repeated.peak_m),
-        ("mean over the slit [nm]", lambda one: 1e9 * one.repeated.average_m),
-        ("into 50 nm [ms]", lambda one: 1e3 * one.repeated.settling_50_s),
+        (
+            "one repeated set-point: peak [nm]",
+            lambda one: 1e9 * one.repeated_setpoint_measures.peak_m,
+        ),
+        ("mean over the slit [nm]", lambda one: 1e9 * one.repeated_setpoint_measures.average_m),
+        ("into 50 nm [ms]", lambda one: 1e3 * one.repeated_setpoint_measures.settling_50_s),
     )
     rows = [
-        [name, *(number(value(one), 3) for _, value in columns)]
-        for name, one in study.tried.items()
+        [name, *(format_number(value(one), 3) for _, value in columns)]
+        for name, one in study.variants.items()
     ]
     head = ["variant", *(title for title, _ in columns)]
     return Section(
         "limits",
         "Small forces, standstill, one repeated set-point",
         (
-            Items("Against the best curve without memory", tuple(limits(study))),
-            table(
+            Items("Against the best curve without memory", tuple(limit_texts(study))),
+            make_table(
                 "The same gains with a tenth of the accelerations; standing still; gains found on "
                 "the test set-point itself",
                 head,
@@ -308,11 +336,11 @@ def _limits(study: TrackingStudy) -> Section:
     )
 
 
-def _learning(study: TrackingStudy) -> Section:
+def _learning_section(study: TrackingStudy) -> Section:
     lines = [
-        f"{name}: {1e9 * one.trials_m[0]:.3g} nm, after {len(one.trials_m)} trials "
-        f"{1e9 * one.trials_m[-1]:.3g} nm"
-        for name, one in study.tried.items()
+        f"{name}: {1e9 * variant.learning_peaks_m[0]:.3g} nm, after {len(variant.learning_peaks_m)} trials "
+        f"{1e9 * variant.learning_peaks_m[-1]:.3g} nm"
+        for name, variant in study.variants.items()
     ]
     blocks = (
         Text(
@@ -320,7 +348,7 @@ def _learning(study: TrackingStudy) -> Section:
             "asks for is added, below 200 Hz. It converges where the law is good enough."
         ),
         picture(
-            figure_learning(study.tried),
+            figure_learning(study.variants),
             "learning",
             "Peak error over the trials of learning control.",
             "Learning control on every variant.",
@@ -332,9 +360,9 @@ def _learning(study: TrackingStudy) -> Section:
 
 def simulate(task: SimulationTask) -> TrackingStudy:
     """Follow the set-point of a stage with and without compensation."""
-    rig, out = read_stage(task.rig), task.out if task.written else None
+    rig, out = read_stage(task.rig), task.out if task.writes_files else None
     return task.study(
         lambda: explore_stage(rig, progress=task.progress, out=out),
         render,
-        [rig.path, *rig.measured.files],
+        [rig.path, *rig.measured_loops.files],
     )

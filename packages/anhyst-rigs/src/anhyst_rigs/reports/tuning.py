@@ -10,12 +10,18 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from anhyst.support.figures import ALARM, new_figure, styled, write_png
+from anhyst.support.figures import ALARM_COLOUR, new_figure, use_report_style, write_png
 from anhyst.support.kinds import MethodName
-from anhyst_rigs.reports.study.page import COLOURS, INK, legend_below, line_of, ordered
+from anhyst_rigs.reports.study.page import (
+    COLOURS,
+    INK_COLOUR,
+    in_report_order,
+    legend_below,
+    line_style,
+)
 from anhyst_rigs.study.engine.table import Metric
-from anhyst_rigs.study.tuning.aims import TITLES, Aims, GainFigures
-from anhyst_rigs.study.tuning.result import RESULTS, Tuning, keeps_others
+from anhyst_rigs.study.tuning.aims import GAIN_METRICS, Aims, GainFigures
+from anhyst_rigs.study.tuning.result import RESULT_FILES, Tuning, meets_other_aims
 
 
 @dataclass(frozen=True)
@@ -25,10 +31,10 @@ class GainsPoint:
     variant: MethodName  # what it was tried with
     reached: float  # longest settling, s, or what else was made small; infinite if it has none
     peak: float  # of the sensitivity
-    kept: bool  # whether it keeps the other aims (overshoot, noise, effort)
+    meets_other_aims: bool  # whether it keeps the other aims (overshoot, noise, effort)
 
 
-@styled
+@use_report_style
 def figure_pareto(
     candidates: Sequence[GainsPoint],
     chosen: Mapping[MethodName, GainsPoint],
@@ -38,41 +44,41 @@ def figure_pareto(
     """Draw what was made small against peak sensitivity, and the aims of both, where there are any."""
     figure = new_figure(4.6)
     ax = figure.add_subplot()
-    settled = [candidate for candidate in candidates if math.isfinite(candidate.reached)]
-    for name in ordered(trial.variant for trial in settled):
-        mine = [trial for trial in settled if trial.variant == name]
-        for kept, alpha in ((False, 0.25), (True, 0.8)):
-            some = [trial for trial in mine if trial.kept is kept]
+    finite = [candidate for candidate in candidates if math.isfinite(candidate.reached)]
+    for name in in_report_order(trial.variant for trial in finite):
+        variant_trials = [trial for trial in finite if trial.variant == name]
+        for meets_aims, alpha in ((False, 0.25), (True, 0.8)):
+            drawn = [trial for trial in variant_trials if trial.meets_other_aims is meets_aims]
             ax.scatter(
-                [metric.factor * trial.reached for trial in some],
-                [trial.peak for trial in some],
+                [metric.factor * trial.reached for trial in drawn],
+                [trial.peak for trial in drawn],
                 s=9.0,
-                marker="o" if kept else "x",
+                marker="o" if meets_aims else "x",
                 color=COLOURS[name],
                 alpha=alpha,
                 lw=0.8,
             )
-        front = pareto_front([trial for trial in mine if trial.kept])
+        front = pareto_front([trial for trial in variant_trials if trial.meets_other_aims])
         ax.plot(
             [metric.factor * trial.reached for trial in front],
             [trial.peak for trial in front],
-            **line_of(name),
+            **line_style(name),
             drawstyle="steps-post",
             label=f"front, {name}",
         )
         if (best := chosen.get(name)) is not None:
             reached = metric.factor * best.reached
             label = f"chosen, {name}: {reached:.2f} {metric.unit}, peak {best.peak:.2f}"
-            star: dict[str, Any] = {"ms": 13.0, "mfc": COLOURS[name], "mec": INK, "mew": 0.7}
+            star: dict[str, Any] = {"ms": 13.0, "mfc": COLOURS[name], "mec": INK_COLOUR, "mew": 0.7}
             ax.plot([reached], [best.peak], "*", **star, label=label)
     limit, peak_limit = limits
     if limit is not None:
-        ax.axvline(metric.factor * limit, color=ALARM, lw=0.9, ls="--", label="aims")
+        ax.axvline(metric.factor * limit, color=ALARM_COLOUR, lw=0.9, ls="--", label="aims")
     if peak_limit is not None:
-        ax.axhline(peak_limit, color=ALARM, lw=0.9, ls="--", label="aims")
-    peaks = [trial.peak for trial in settled]
+        ax.axhline(peak_limit, color=ALARM_COLOUR, lw=0.9, ls="--", label="aims")
+    peaks = [trial.peak for trial in finite]
     ax.set_ylim(min(0.9, *peaks), min(max(peaks), 8.0) + 0.3)
-    ax.set_xlabel(metric.head)
+    ax.set_xlabel(metric.heading)
     ax.set_ylabel("peak sensitivity")
     legend_below(figure, ax, columns=2)
     return figure
@@ -90,21 +96,21 @@ def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
 def write_pareto(tuning: Tuning, folder: Path) -> None:
     """Draw what was made small against peak sensitivity of all that was tried: ``pareto.png``."""
 
-    def candidate(variant: MethodName, aims: Aims, figures: GainFigures) -> GainsPoint:
-        kept = keeps_others(aims, figures)
-        return GainsPoint(variant, figures.cost, figures.peak_sensitivity, kept)
+    def gains_point(variant: MethodName, aims: Aims, figures: GainFigures) -> GainsPoint:
+        has_met_other_aims = meets_other_aims(aims, figures)
+        return GainsPoint(variant, figures.cost, figures.peak_sensitivity, has_met_other_aims)
 
     candidates = [
-        candidate(name, tuned.aims, trial.outcome.worst)
+        gains_point(name, tuned.aims, trial.outcome.worst)
         for name, tuned in tuning.tuned.items()
-        for trial in tuned.found.candidates
+        for trial in tuned.search_result.candidates
     ]
     chosen = {
-        name: candidate(name, tuned.aims, tuned.figures)
+        name: gains_point(name, tuned.aims, tuned.figures)
         for name, tuned in tuning.tuned.items()
         if math.isfinite(tuned.figures.cost)
     }
-    least = tuning.first.figures.least
+    least = tuning.first_tuned.figures.cost_name
     limits = tuning.aims.limits.get(least), tuning.aims.peak_sensitivity
-    figure = figure_pareto(candidates, chosen, TITLES[least], limits)
-    write_png(figure, folder / RESULTS[2])
+    figure = figure_pareto(candidates, chosen, GAIN_METRICS[least], limits)
+    write_png(figure, folder / RESULT_FILES[2])

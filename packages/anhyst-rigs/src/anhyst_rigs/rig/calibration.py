@@ -14,7 +14,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import CALIBRATION, MethodName
+from anhyst.support.kinds import CALIBRATION_FILE, MethodName
 from anhyst.support.toml_file import NotNegative, Number, Positive, Table, read_toml
 from anhyst_rigs.rig.file import RigFile
 
@@ -25,22 +25,22 @@ which its loop is wider; those of a bearing share the gap sensor, and one number
 iron. Of all magnets, ``lag_s`` of the flux behind the current. Of the body: ``bias_N``, a force that
 no magnet makes, ``payload``, the part by which it is heavier, ``centre``, by which its centre of mass
 is off, and ``cable_N_per_m``, the stiffness that pulls it back to where a motion begins."""
-CENTRE: tuple[ParameterName, ...] = ("centre_x_m", "centre_y_m", "centre_z_m")
-OF_BEARING: Mapping[int, tuple[ParameterName, ...]] = {
+CENTRE_PARAMETERS: tuple[ParameterName, ...] = ("centre_x_m", "centre_y_m", "centre_z_m")
+BEARING_PARAMETERS: Mapping[int, tuple[ParameterName, ...]] = {
     1: ("scale_1", "gap_zero_m", "width", "bias_N"),
     2: ("scale_1", "scale_2", "gap_zero_m", "width_1", "width_2", "bias_N"),
 }
 """All numbers of a bearing of one or two magnets, as in files."""
 
 
-def of_stage(magnets: int) -> tuple[ParameterName, ...]:
+def stage_parameter_names(magnets: int) -> tuple[ParameterName, ...]:
     """Return all numbers of a stage with so many magnets, as in files."""
     each = ("scale_{}", "gap_zero_{}_m", "width_{}")
     of_magnets = (kind.format(one) for kind in each for one in range(1, magnets + 1))
-    return (*of_magnets, "payload", *CENTRE, "lag_s", "bias_N", "cable_N_per_m")
+    return (*of_magnets, "payload", *CENTRE_PARAMETERS, "lag_s", "bias_N", "cable_N_per_m")
 
 
-LIMITS: Mapping[str, float] = {
+PARAMETER_LIMITS: Mapping[str, float] = {
     "scale": 0.3,
     "gap_zero_m": 1e-4,
     "width": 0.8,
@@ -48,17 +48,17 @@ LIMITS: Mapping[str, float] = {
     "bias_N": math.inf,
     "payload": 0.5,
     "cable_N_per_m": math.inf,
-    **dict.fromkeys(CENTRE, 0.1),
+    **dict.fromkeys(CENTRE_PARAMETERS, 0.1),
 }
 """Beyond which no number of a stage is: what is farther off is no calibration."""
 
 
-def kind_of(name: ParameterName) -> str:
+def parameter_kind(name: ParameterName) -> str:
     """Return what a number is, whichever magnet it is of."""
     return re.sub(r"_\d+", "", name)
 
 
-class LearntParameter(Table):
+class CalibratedParameter(Table):
     """One number that a method was corrected by."""
 
     name: ParameterName
@@ -68,18 +68,18 @@ class LearntParameter(Table):
     frozen: bool  # nothing moved it
 
     @model_validator(mode="after")
-    def _within(self) -> Self:
-        if (kind := kind_of(self.name)) not in LIMITS:
+    def _check_limit(self) -> Self:
+        if (kind := parameter_kind(self.name)) not in PARAMETER_LIMITS:
             raise InputError(
                 f"{self.name} is no number of a stage; calibrate again", code="unknown-name"
             )
-        if abs(self.value) > (most := LIMITS[kind]):
+        if abs(self.value) > (most := PARAMETER_LIMITS[kind]):
             text = f"{self.name} must be within {most:g} of 0; calibrate again"
             raise InputError(text, code="beyond-any-calibration")
         return self
 
 
-def _once(names: Iterable[str]) -> None:
+def _check_unique(names: Iterable[str]) -> None:
     for name, count in Counter(names).items():
         if count > 1:
             raise InputError(f"{name} stands {count} times; keep one", code="name-twice")
@@ -96,20 +96,20 @@ class CalibratedMethod(Table):
         0  # motions that taught nothing, since the law did not explain them
     )
     mass_kg: Positive | None = None  # of the body, with which the law explains the last of these
-    parameter: list[LearntParameter]
+    parameter: list[CalibratedParameter]
 
     @model_validator(mode="after")
-    def _each_once(self) -> Self:
-        _once(one.name for one in self.parameter)
+    def _check_unique_parameters(self) -> Self:
+        _check_unique(one.name for one in self.parameter)
         return self
 
     @property
-    def taken(self) -> bool:
+    def is_applied(self) -> bool:
         """Whether anything corrects the method: what does not fit does not."""
         return self.fits and any(not number.frozen for number in self.parameter)
 
     @property
-    def judgement(self) -> str:
+    def summary(self) -> str:
         """What is left of the force, and what that means."""
         if self.force_N == 0.0:
             left = "too little force was asked for"
@@ -117,18 +117,18 @@ class CalibratedMethod(Table):
             left = f"{self.residual_N:.2g} of {self.force_N:.3g} N not explained"
             if not self.fits:
                 left += ": more than a law of the right kind leaves"
-        if self.refused and self.taken:
+        if self.refused and self.is_applied:
             left += f"; {self.refused} other motions were not explained and taught nothing"
         if self.mass_kg is not None:
             left += f"; a body of {self.mass_kg:.4g} kg explains it: correct body.mass_kg"
-        return left if self.taken else f"{left}; nothing is taken"
+        return left if self.is_applied else f"{left}; nothing is taken"
 
     def value(self, name: ParameterName) -> float:
         """Return a number that corrects it."""
         numbers = self.parameter if self.fits else []
         return next((number.value for number in numbers if number.name == name), 0.0)
 
-    def widths(self, count: int) -> list[float]:
+    def width_changes(self, count: int) -> list[float]:
         """Return by how much the loop of each magnet is wider."""
         both = self.value("width")
         return [self.value(f"width_{number}") or both for number in range(1, count + 1)]
@@ -144,20 +144,20 @@ class CalibrationFile(Table):
     method: Annotated[list[CalibratedMethod], Field(min_length=1)]
 
     @model_validator(mode="after")
-    def _each_once(self) -> Self:
-        _once(one.name for one in self.method)
+    def _check_unique_methods(self) -> Self:
+        _check_unique(one.name for one in self.method)
         return self
 
-    def of(self, method: MethodName) -> CalibratedMethod | None:
+    def for_method(self, method: MethodName) -> CalibratedMethod | None:
         """Return what it says of a method; None where it says nothing."""
         return next((table for table in self.method if table.name == method), None)
 
 
 def read_calibration(
-    path: Path, rig: Path, settings: RigFile, numbers: Sequence[ParameterName]
+    path: Path, rig: Path, settings: RigFile, parameter_names: Sequence[ParameterName]
 ) -> CalibrationFile:
     """Read a file that a rig file names, whose magnets have these numbers."""
-    file = read_toml(path, CalibrationFile, kinds=[CALIBRATION])
+    file = read_toml(path, CalibrationFile, kinds=[CALIBRATION_FILE])
     if file.rig != settings.name:
         raise InputError(
             f"{path}: rig: is that of '{file.rig}', and {rig} is "
@@ -172,11 +172,11 @@ def read_calibration(
             code="mass-differs",
             key="mass_kg",
         )
-    known = {*numbers}
+    known = {*parameter_names}
     for method in file.method:
         names = {number.name for number in method.parameter}
-        kinds = {kind_of(name) for name in names}
-        missing = {name for name in known - names if kind_of(name) in kinds}
+        kinds = {parameter_kind(name) for name in names}
+        missing = {name for name in known - names if parameter_kind(name) in kinds}
         for name in sorted(names - known) or sorted(missing):
             raise InputError(
                 f"{path}: {name}: the numbers in the file are not those of {rig}; calibrate it again",

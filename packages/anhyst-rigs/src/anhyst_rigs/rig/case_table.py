@@ -10,17 +10,17 @@ from pydantic import Field, Tag, model_validator
 
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import (
-    BRANCH,
+    BRANCH_PREFIX,
     Name,
     NotNegative,
     Number,
     Positive,
     Share,
     Table,
+    check_order,
     discriminate_by,
-    ordered,
 )
-from anhyst_rigs.rig.magnet_table import OPENS, Direction
+from anhyst_rigs.rig.magnet_table import OPENS_GAP, Direction
 
 Peaks = Annotated[list[Positive], Field(min_length=2)]
 
@@ -62,10 +62,10 @@ class ScanCase(Table):
     slit_s: Positive
     # of the moving average beside the rms error, in what the search of feedforward gains minimises
     average_weight: NotNegative = 0.0
-    direction: Direction = OPENS  # along which the body goes
+    direction: Direction = OPENS_GAP  # along which the body goes
 
     @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _check_phases(self) -> Self:
         if not 2.0 * self.snap_phase_s <= self.jerk_phase_s:
             text = "snap_phase_s must be at most half of jerk_phase_s; correct them"
             raise InputError(text, code="phases-too-long")
@@ -109,7 +109,7 @@ class ForceCase(Table):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        ordered("low", self.low, "high", self.high)
+        check_order("low", self.low, "high", self.high)
         return self
 
 
@@ -140,23 +140,23 @@ class DisplacementCase(Table):
     cycles: Annotated[float, Field(ge=3.0)]  # the first two are not judged
 
     @model_validator(mode="after")
-    def _has_flanks(self) -> Self:
+    def _check_corner(self) -> Self:
         if self.corner_s * self.frequency_Hz > 0.5:
             text = "corner_s must be at most half a period of the triangle; shorten it"
             raise InputError(text, code="too-long")
         return self
 
 
-_KINDS = ("step", "load", "triangle", "sine", "scan", "loss", "force", "held", "moving")
+_CASE_KINDS = ("step", "load", "triangle", "sine", "scan", "loss", "force", "held", "moving")
 CaseEntry = Annotated[
-    Annotated[StepCase, Tag(f"{BRANCH}step")]
-    | Annotated[LoadCase, Tag(f"{BRANCH}load")]
-    | Annotated[TrajectoryCase, Tag(f"{BRANCH}triangle")]
-    | Annotated[ScanCase, Tag(f"{BRANCH}scan")]
-    | Annotated[LossCase, Tag(f"{BRANCH}loss")]
-    | Annotated[ForceCase, Tag(f"{BRANCH}force")]
-    | Annotated[HeldCase, Tag(f"{BRANCH}held")]
-    | Annotated[MovingCase, Tag(f"{BRANCH}moving")]
-    | Annotated[DisplacementCase, Tag(f"{BRANCH}displacement")],
-    discriminate_by("kind", *_KINDS, "displacement", sine="triangle"),
+    Annotated[StepCase, Tag(f"{BRANCH_PREFIX}step")]
+    | Annotated[LoadCase, Tag(f"{BRANCH_PREFIX}load")]
+    | Annotated[TrajectoryCase, Tag(f"{BRANCH_PREFIX}triangle")]
+    | Annotated[ScanCase, Tag(f"{BRANCH_PREFIX}scan")]
+    | Annotated[LossCase, Tag(f"{BRANCH_PREFIX}loss")]
+    | Annotated[ForceCase, Tag(f"{BRANCH_PREFIX}force")]
+    | Annotated[HeldCase, Tag(f"{BRANCH_PREFIX}held")]
+    | Annotated[MovingCase, Tag(f"{BRANCH_PREFIX}moving")]
+    | Annotated[DisplacementCase, Tag(f"{BRANCH_PREFIX}displacement")],
+    discriminate_by("kind", *_CASE_KINDS, "displacement", sine="triangle"),
 ]

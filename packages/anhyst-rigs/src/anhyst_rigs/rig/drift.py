@@ -10,7 +10,7 @@ import numpy as np
 
 from anhyst._core import Magnet, Plant
 from anhyst.compensate.circuit import cell_weights
-from anhyst.laws import law_of
+from anhyst.laws import get_law
 from anhyst.laws.law import Role
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
@@ -19,11 +19,11 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.from_loops import AnyRig
 from anhyst_rigs.rig.parts.iron import NamedCells
-from anhyst_rigs.rig.parts.magnet import iron_magnet
-from anhyst_rigs.rig.plant import make_plant, plant_numbers
+from anhyst_rigs.rig.parts.magnet import make_iron_magnet
+from anhyst_rigs.rig.plant import make_plant, plant_parameters
 from anhyst_rigs.rig.tables import SPREADS
 
-CUT = 3.0
+MAX_SAMPLE_SIGMA = 3.0
 """Standard deviations at which the distribution of a change ends."""
 _UNITS = {"gap_offset": ("m", 1.0), "eddy": ("s", 1.0), "cable": ("N_per_m", 1.0)}
 _UNITS |= {f"place_{axis}": ("m", 1.0) for axis in "xyz"}
@@ -73,33 +73,37 @@ class Drift:
             for key, value in drift.as_dict().items()
         }
 
-    def alone(self, names: Collection[str]) -> Drift:
+    def select(self, names: Collection[str]) -> Drift:
         """Return a plant that has drifted in nothing but this, in each of its magnets alike."""
         heads = self.heads if "heads" in names else ()
         own = {name: getattr(self, name) for name in names if name != "heads"}
         return Drift(
-            **own, magnets=tuple(magnet.alone(names) for magnet in self.magnets), heads=heads
+            **own, magnets=tuple(magnet.select(names) for magnet in self.magnets), heads=heads
         )
 
 
 NO_DRIFT = Drift()
 
 
-def draw_drift(file: RigFile, rng: np.random.Generator) -> Drift:
+def sample_drift(file: RigFile, rng: np.random.Generator) -> Drift:
     """Draw a plant: normal, cut off at :data:`CUT` standard deviations; a lag is positive."""
     spreads = SPREADS[file.control.kind]
-    magnets = tuple(_drawn(file, spreads.magnet, rng) for _ in file.placed if spreads.magnet)
-    heads = tuple(_drawn(file, spreads.head, rng) for _ in file.position_sensors if spreads.head)
-    return replace(_drawn(file, spreads.whole, rng), magnets=magnets, heads=heads)
+    magnets = tuple(
+        _sample_spreads(file, spreads.magnet, rng) for _ in file.body_magnets if spreads.magnet
+    )
+    heads = tuple(
+        _sample_spreads(file, spreads.head, rng) for _ in file.position_sensors if spreads.head
+    )
+    return replace(_sample_spreads(file, spreads.rig_wide, rng), magnets=magnets, heads=heads)
 
 
-def _drawn(file: RigFile, spreads: Mapping[str, str], rng: np.random.Generator) -> Drift:
+def _sample_spreads(file: RigFile, spreads: Mapping[str, str], rng: np.random.Generator) -> Drift:
     drawn = {}
     for name, key in spreads.items():
         if name == "conductivity" and file.magnet.solid is None:
             continue
         share = 0.01 if key.endswith("_percent") else 1.0
-        while abs(value := float(rng.standard_normal())) > CUT:
+        while abs(value := float(rng.standard_normal())) > MAX_SAMPLE_SIGMA:
             pass
         drawn[name] = share * getattr(file.spread, key) * value
     if "eddy" in drawn:
@@ -107,11 +111,11 @@ def _drawn(file: RigFile, spreads: Mapping[str, str], rng: np.random.Generator) 
     return Drift(**drawn)
 
 
-def draw_plant(file: RigFile, seed: int, number: int) -> tuple[Drift, int]:
+def sample_plant(file: RigFile, seed: int, number: int) -> tuple[Drift, int]:
     """Draw the plant of a number: how far it has drifted, and the seed of its noise."""
     rng = np.random.default_rng([seed, number])
     noise = int(rng.integers(1 << 31))
-    return draw_drift(file, rng), noise
+    return sample_drift(file, rng), noise
 
 
 def drifted_file(file: RigFile, drift: Drift) -> RigFile:
@@ -124,14 +128,14 @@ def drifted_file(file: RigFile, drift: Drift) -> RigFile:
         changes["stack.creep_shares"] = shares
         changes["flexure.resonance_Hz"] = (1.0 + drift.resonance) * file.flexure.resonance_Hz
     if file.magnets and file.bodies:
-        changes |= _of_body(file, drift)
+        changes |= _body_changes(file, drift)
     if file.iron is not None:
-        iron = file.iron.drifted(drift.pinning, drift.reversible, drift.saturation)
+        iron = file.iron.drifted_keys(drift.pinning, drift.reversible, drift.saturation)
         changes |= {f"iron.{key}": value for key, value in iron.items()}
-    return file.changed(changes)
+    return file.with_changes(changes)
 
 
-def _of_body(file: RigFile, drift: Drift) -> dict[str, Any]:
+def _body_changes(file: RigFile, drift: Drift) -> dict[str, Any]:
     """Return the changes of a body that magnets move, of their winding, and of its sensors.
 
     The gain error of the position sensor turns its reading around the operating gap, so that gain
@@ -159,26 +163,26 @@ def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     other = replace(rig, settings=drifted_file(rig.settings, drift))
     settings = other.settings
     if rig.law is not None:
-        return make_plant(other, seed, other.magnet_of(drifted_law(rig.law, drift)))
-    scales = [drift.first_scale] * len(settings.placed)
+        return make_plant(other, seed, other.make_law_magnet(drifted_law(rig.law, drift)))
+    scales = [drift.first_scale] * len(settings.body_magnets)
     if len(scales) == 2:
         scales[1] = drift.second_scale
     own = drift.magnets or [Drift(first_scale=scale) for scale in scales]
     each = [replace(one, eddy=drift.eddy) for one in own]
     made = {one: _drifted_magnet(settings, one) for one in dict.fromkeys(each)}
-    numbers = plant_numbers(other)
-    numbers.body["centre"] = _moved(settings.body.centre_m, drift)
+    numbers = plant_parameters(other)
+    numbers.body["centre"] = _shift_position(settings.body.centre_m, drift)
     for one, actuator, gap in zip(each, numbers.actuators, numbers.heads, strict=False):
         probe, sensor = actuator["flux_probe"], gap["sensor"]
         if actuator["has_probe"]:
             actuator["flux_probe"] = {**probe, "gain": probe["gain"] + one.flux_gain}
         gap["sensor"] = {**sensor, "offset": sensor["offset"] + one.gap_offset}
     for one, head in zip(drift.heads, numbers.heads[len(each) :], strict=False):
-        head["line"] = {**head["line"], "r": _moved(head["line"]["r"], one)}
-    return make_plant(other, seed, *(made[one] for one in each), numbers=numbers)
+        head["line"] = {**head["line"], "r": _shift_position(head["line"]["r"], one)}
+    return make_plant(other, seed, *(made[one] for one in each), parameters=numbers)
 
 
-def _moved(place: Sequence[float], drift: Drift) -> list[float]:
+def _shift_position(place: Sequence[float], drift: Drift) -> list[float]:
     by = (drift.place_x, drift.place_y, drift.place_z)
     return [coordinate + off for coordinate, off in zip(place, by, strict=True)]
 
@@ -186,13 +190,13 @@ def _moved(place: Sequence[float], drift: Drift) -> list[float]:
 def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
     """Return a magnet that has drifted by itself."""
     magnet = file.magnet
-    steel = file.steel.model_copy(update=file.steel.drifted(drift.pinning, 0.0, 0.0))
+    steel = file.steel.model_copy(update=file.steel.drifted_keys(drift.pinning, 0.0, 0.0))
     poles = replace(magnet.poles, turns=magnet.poles.turns * (1.0 + drift.first_scale))
     lag = magnet.eddy_time_s + drift.eddy
-    return iron_magnet(poles, steel, lag, file.gap_m, magnet.solid_iron)
+    return make_iron_magnet(poles, steel, lag, file.gap_m, magnet.solid_iron)
 
 
-def change_values(value: Parameter, change: Callable[[float], float]) -> Parameter:
+def map_parameter(value: Parameter, change: Callable[[float], float]) -> Parameter:
     """Return a parameter changed, at every node of the gap if it depends on the gap."""
     return tuple(map(change, value)) if isinstance(value, tuple) else change(value)
 
@@ -231,17 +235,17 @@ def _drifted_cells(model: Model, drift: Drift) -> Model:
         weights=(1.0 + drift.saturation) * factors[:, None] * cells.weights,
     )
     gone = {spec.name for spec in model.operator_law.parameters}
-    gone -= {spec.name for spec in law_of(model.law, other).parameters}
+    gone -= {spec.name for spec in get_law(model.law, other).parameters}
     kept = {name: value for name, value in model.parameters.items() if name not in gone}
     return replace(model, cells=other, parameters=kept)
 
 
-def changed(rig: AnyRig, changes: Mapping[str, Any]) -> AnyRig:
+def change_rig(rig: AnyRig, changes: Mapping[str, Any]) -> AnyRig:
     """Return a rig with other settings, by the names of :meth:`RigFile.changed`."""
-    return replace(rig, settings=rig.settings.changed(changes))
+    return replace(rig, settings=rig.settings.with_changes(changes))
 
 
-def with_iron(
+def change_iron(
     rig: BodyRig, reversible_fraction: float | None = None, width: float = 1.0
 ) -> BodyRig:
     """Return a rig with another iron of the same family, of which motion taught nothing."""
@@ -253,7 +257,7 @@ def with_iron(
             key="magnet.kind",
         )
     steel = rig.settings.steel
-    keys = steel.drifted(width - 1.0, 0.0, 0.0)
+    keys = steel.drifted_keys(width - 1.0, 0.0, 0.0)
     if reversible_fraction is not None:
         if not isinstance(steel, NamedCells):
             raise InputError(
@@ -263,9 +267,11 @@ def with_iron(
                 key="iron.family",
             )
         keys["reversible_fraction"] = reversible_fraction
-    return changed(untaught(rig), {f"iron.{key}": value for key, value in keys.items()})
+    return change_rig(
+        remove_calibration(rig), {f"iron.{key}": value for key, value in keys.items()}
+    )
 
 
-def untaught(rig: BodyRig) -> BodyRig:
+def remove_calibration(rig: BodyRig) -> BodyRig:
     """Return a rig that names nothing that motion taught."""
-    return rig if rig.calibration is None else changed(rig, {"control.calibration": None})
+    return rig if rig.calibration_path is None else change_rig(rig, {"control.calibration": None})

@@ -13,20 +13,20 @@ from pydantic import Field
 
 from anhyst.support.kinds import FileKind, rig_kinds
 from anhyst.support.toml_file import Table
-from anhyst.support.toml_text import Path as KeyPath
+from anhyst.support.toml_text import KeyPath
 from anhyst_rigs.rig import case_table, sensor_table
 from anhyst_rigs.rig import tables as rig_tables
 from anhyst_rigs.rig.magnet_table import LikeTable, MagnetEntry, MagnetTable, SolenoidTable
 from anhyst_rigs.rig.measurement_table import CampaignTable, ExciteTable, LoopsTable
 from anhyst_rigs.rig.parts.iron import IronEntry, NamedIron
 
-MOST_SEED = 1 << 31
+SEED_LIMIT = 1 << 31
 """Seeds are below it."""
 
 Entry = TypeVar("Entry", bound=Table)
 
 
-class Maybe(Generic[Entry]):
+class OptionalTable(Generic[Entry]):
     """The first table of a kind among those of an attribute, or None."""
 
     def __init__(self, attribute: str, kind: type[Entry]) -> None:
@@ -38,7 +38,7 @@ class Maybe(Generic[Entry]):
         return next((table for table in tables if isinstance(table, self.kind)), None)
 
 
-class The(Maybe[Entry]):
+class RequiredTable(OptionalTable[Entry]):
     """The same, where the kind of rig makes sure that there is one."""
 
     def __get__(self, file: RigFile, owner: type[RigFile]) -> Entry:
@@ -47,7 +47,7 @@ class The(Maybe[Entry]):
         return value
 
 
-class All(Generic[Entry]):
+class TableList(Generic[Entry]):
     """The tables of some kinds among those of an attribute, as listed."""
 
     def __init__(self, attribute: str, *kinds: type[Entry]) -> None:
@@ -63,7 +63,7 @@ class RigFile(Table):
     format: Literal["anhyst-rig"]
     version: Literal[2]
     name: str
-    seed: Annotated[int, Field(ge=0, lt=MOST_SEED)] = 1
+    seed: Annotated[int, Field(ge=0, lt=SEED_LIMIT)] = 1
     noise_seeds: Annotated[int, Field(ge=2, le=10_000)] = 20
     timing: rig_tables.TimingTable
     given_loops: LoopsTable | None = Field(alias="loops", default=None)
@@ -81,37 +81,47 @@ class RigFile(Table):
     cases: Annotated[list[case_table.CaseEntry], Field(alias="case", min_length=1)]
     spread: rig_tables.SpreadTable = Field(default_factory=rig_tables.SpreadTable)
 
-    magnet: ClassVar = The("magnets", MagnetTable)  # the one that others are like
-    opposite: ClassVar = Maybe("magnets", LikeTable)  # the magnet on the other side of the body
-    solenoid: ClassVar = Maybe("magnets", SolenoidTable)
-    stack: ClassVar = The("stacks", rig_tables.StackTable)
-    amplifier: ClassVar = The("amplifiers", rig_tables.AmplifierTable)  # of each coil
-    stack_amplifier: ClassVar = The("amplifiers", rig_tables.StackAmplifierTable)
-    body: ClassVar = The("bodies", rig_tables.BodyTable)
-    flexure: ClassVar = The("bodies", rig_tables.FlexureTable)  # a body that a stack pushes
-    gap_sensor: ClassVar = The("sensors", sensor_table.GapSensorTable)
-    current_sensor: ClassVar = The("sensors", sensor_table.CurrentSensorTable)  # of each coil
-    force_sensor: ClassVar = The("sensors", sensor_table.ForceSensorTable)  # measures the loops
-    hall_probe: ClassVar = Maybe("sensors", sensor_table.FluxSensorTable)
-    position_sensor: ClassVar = The("sensors", sensor_table.PositionSensorTable)  # place in space
-    step: ClassVar = The("cases", case_table.StepCase)
-    load_case: ClassVar = Maybe("cases", case_table.LoadCase)
-    scan: ClassVar = The("cases", case_table.ScanCase)
-    loss: ClassVar = Maybe("cases", case_table.LossCase)
-    held: ClassVar = The("cases", case_table.HeldCase)
-    moving: ClassVar = The("cases", case_table.MovingCase)
-    moved: ClassVar = The("cases", case_table.DisplacementCase)
+    magnet: ClassVar = RequiredTable("magnets", MagnetTable)  # the one that others are like
+    opposite: ClassVar = OptionalTable(
+        "magnets", LikeTable
+    )  # the magnet on the other side of the body
+    solenoid: ClassVar = OptionalTable("magnets", SolenoidTable)
+    stack: ClassVar = RequiredTable("stacks", rig_tables.StackTable)
+    amplifier: ClassVar = RequiredTable("amplifiers", rig_tables.AmplifierTable)  # of each coil
+    stack_amplifier: ClassVar = RequiredTable("amplifiers", rig_tables.StackAmplifierTable)
+    body: ClassVar = RequiredTable("bodies", rig_tables.BodyTable)
+    flexure: ClassVar = RequiredTable(
+        "bodies", rig_tables.FlexureTable
+    )  # a body that a stack pushes
+    gap_sensor: ClassVar = RequiredTable("sensors", sensor_table.GapSensorTable)
+    current_sensor: ClassVar = RequiredTable(
+        "sensors", sensor_table.CurrentSensorTable
+    )  # of each coil
+    force_sensor: ClassVar = RequiredTable(
+        "sensors", sensor_table.ForceSensorTable
+    )  # measures the loops
+    hall_probe: ClassVar = OptionalTable("sensors", sensor_table.FluxSensorTable)
+    position_sensor: ClassVar = RequiredTable(
+        "sensors", sensor_table.PositionSensorTable
+    )  # place in space
+    step: ClassVar = RequiredTable("cases", case_table.StepCase)
+    load_case: ClassVar = OptionalTable("cases", case_table.LoadCase)
+    scan: ClassVar = RequiredTable("cases", case_table.ScanCase)
+    loss_case: ClassVar = OptionalTable("cases", case_table.LossCase)
+    held_case: ClassVar = RequiredTable("cases", case_table.HeldCase)
+    moving_case: ClassVar = RequiredTable("cases", case_table.MovingCase)
+    displacement_case: ClassVar = RequiredTable("cases", case_table.DisplacementCase)
     # everything that pulls at the body, what its pose is found from, and what is followed
-    placed: ClassVar = All[MagnetTable | LikeTable]("magnets", MagnetTable, LikeTable)
-    position_sensors: ClassVar = All("sensors", sensor_table.PositionSensorTable)
-    trajectories: ClassVar = All("cases", case_table.TrajectoryCase)
-    force_triangles: ClassVar = All("cases", case_table.ForceCase)
-    loops: ClassVar = The("given_loops", LoopsTable)  # all that a controller may know
-    measurement: ClassVar = The("given_measurement", CampaignTable)
-    levitation: ClassVar = The("control", rig_tables.LevitationTable)
-    tracking: ClassVar = The("control", rig_tables.TrackingTable)
-    force: ClassVar = The("control", rig_tables.ForceTable)
-    displacement: ClassVar = The("control", rig_tables.DisplacementTable)
+    body_magnets: ClassVar = TableList[MagnetTable | LikeTable]("magnets", MagnetTable, LikeTable)
+    position_sensors: ClassVar = TableList("sensors", sensor_table.PositionSensorTable)
+    trajectories: ClassVar = TableList("cases", case_table.TrajectoryCase)
+    force_triangles: ClassVar = TableList("cases", case_table.ForceCase)
+    loops: ClassVar = RequiredTable("given_loops", LoopsTable)  # all that a controller may know
+    measurement: ClassVar = RequiredTable("given_measurement", CampaignTable)
+    levitation: ClassVar = RequiredTable("control", rig_tables.LevitationTable)
+    tracking: ClassVar = RequiredTable("control", rig_tables.TrackingTable)
+    force: ClassVar = RequiredTable("control", rig_tables.ForceTable)
+    displacement: ClassVar = RequiredTable("control", rig_tables.DisplacementTable)
 
     @property
     def kind(self) -> FileKind:
@@ -141,7 +151,7 @@ class RigFile(Table):
         return None if self.opposite is None else self.gap_m + self.opposite.gap_m
 
     @property
-    def heads_stand(self) -> bool:
+    def has_ground_heads(self) -> bool:
         """Whether the position sensors stand on the ground and not on the body."""
         return any(sensor.stands for sensor in self.position_sensors)
 
@@ -172,15 +182,15 @@ class RigFile(Table):
 
     def tables(self) -> Iterator[tuple[KeyPath, Table]]:
         """Yield the tables of all lists, each with its place in the file."""
-        for key, name in _FIELDS.items():
+        for key, name in _LIST_FIELDS.items():
             for number, table in enumerate(getattr(self, name)):
                 yield (key, number), table
 
-    def place(self, table: Table, *keys: str | int) -> KeyPath:
+    def key_path(self, table: Table, *keys: str | int) -> KeyPath:
         """Return where a table of a list stands in the file, or a key of it, for errors."""
         return (*next(place for place, one in self.tables() if one is table), *keys)
 
-    def changed(self, changes: Mapping[str, Any]) -> RigFile:
+    def with_changes(self, changes: Mapping[str, Any]) -> RigFile:
         """Return a file with other values, by names of attributes: ``body.mass_kg``, ``gap_m``.
 
         ``gap_m`` moves the body between its magnets: those of a pair stay where they are. An iron
@@ -188,37 +198,41 @@ class RigFile(Table):
         """
         file = self
         for path, value in changes.items():
-            file = file._moved(value) if path == "gap_m" else file._with(path.split("."), value)
+            file = (
+                file._with_gap(value)
+                if path == "gap_m"
+                else file._with_value(path.split("."), value)
+            )
         return file
 
-    def _moved(self, gap: float) -> RigFile:
+    def _with_gap(self, gap: float) -> RigFile:
         moved, opposite = gap - self.gap_m, self.opposite
-        file = self.replaced(self.magnet, self.magnet.model_copy(update={"gap_m": gap}))
+        file = self.with_table_replaced(self.magnet, self.magnet.model_copy(update={"gap_m": gap}))
         if opposite is None:
             return file
         other = opposite.model_copy(update={"gap_m": opposite.gap_m - moved})
-        return file.replaced(opposite, other)
+        return file.with_table_replaced(opposite, other)
 
-    def _with(self, path: list[str], value: Any) -> RigFile:
-        first, *rest = path
+    def _with_value(self, path: list[str], value: Any) -> RigFile:
+        first, *inner_path = path
         field = f"given_{first}" if f"given_{first}" in type(self).model_fields else first
         table = getattr(self, first)
-        new = _set(table, rest, value) if rest else value
+        new = _set_nested(table, inner_path, value) if inner_path else value
         if first == "iron":
             new = new.model_copy(update={"name": table.name})
         if field in type(self).model_fields:
             return self.model_copy(update={field: new})
-        return self.replaced(table, new)
+        return self.with_table_replaced(table, new)
 
-    def replaced(self, table: Table, other: Table) -> RigFile:
+    def with_table_replaced(self, table: Table, other: Table) -> RigFile:
         """Return a file with another table in place of one of a list."""
-        key, number = self.place(table)
-        tables = list(getattr(self, _FIELDS[str(key)]))
+        key, number = self.key_path(table)
+        tables = list(getattr(self, _LIST_FIELDS[str(key)]))
         tables[int(number)] = other
-        return self.model_copy(update={_FIELDS[str(key)]: tables})
+        return self.model_copy(update={_LIST_FIELDS[str(key)]: tables})
 
 
-_FIELDS = {
+_LIST_FIELDS = {
     str(field.alias): name
     for name, field in RigFile.model_fields.items()
     if field.alias and not name.startswith("given_")
@@ -226,10 +240,10 @@ _FIELDS = {
 """Attributes of what is a list of tables, by their keys in the file."""
 
 
-def _set(table: Any, path: list[str], value: Any) -> Any:
+def _set_nested(table: Any, path: list[str], value: Any) -> Any:
     first, *rest = path
     if not isinstance(table, Table) or first not in type(table).model_fields:
         raise KeyError(first)
     return table.model_copy(
-        update={first: _set(getattr(table, first), rest, value) if rest else value}
+        update={first: _set_nested(getattr(table, first), rest, value) if rest else value}
     )

@@ -12,19 +12,19 @@ import numpy as np
 from anhyst.compensate.current_map import PlayMap
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import make_compensator
-from anhyst.compensate.sources import FluxCalibration, Operating, Sources
+from anhyst.compensate.sources import FluxCalibration, OperatingRange, Sources
 from anhyst.data import Loops
-from anhyst.data.speeds import slow_loops
+from anhyst.data.speeds import select_slow_loops
 from anhyst.identification.run import IdentifyTable
 from anhyst.model.actuator import Model
 from anhyst.model.schema import LawName
-from anhyst.support.errors import CreepWarning
-from anhyst.support.kinds import PROBED, MethodName, NumberFormat
+from anhyst.support.errors import ReturnPointMemoryWarning
+from anhyst.support.kinds import FLUX_PROBE_METHODS, MethodName, NumberFormat
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.distance import PlantCheck, along, follower
-from anhyst_rigs.rig.drift import Drift, change_values, drifted_law
-from anhyst_rigs.rig.from_loops import check_fitted
-from anhyst_rigs.rig.measurement_table import identify_loops, misclosures
+from anhyst_rigs.rig.distance import PlantCheck, make_path_follower, simulate_loop
+from anhyst_rigs.rig.drift import Drift, drifted_law, map_parameter
+from anhyst_rigs.rig.from_loops import check_plant_against_loops
+from anhyst_rigs.rig.measurement_table import identify_loops, squared_misclosures
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class IdentifiedMagnet:
     loops: Loops  # force over current at several gaps
     model: Model  # identified from them
     # part by which the loop of a map with one play is wider; that of the model is so already
-    wider: float = 0.0
+    loop_width_change: float = 0.0
 
 
 def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> IdentifiedMagnet:
@@ -42,16 +42,16 @@ def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> Ident
     return IdentifiedMagnet(loops, identify_loops(loops, options or IdentifyTable(), "circuit"))
 
 
-_FORGETS: LawName = "effective-field"
-_NOISE, _OPEN = 1.0, 2.0
+_ACCOMMODATING_LAW: LawName = "effective-field"
+_NOISE_MEAN_SQUARE, _OPEN_LOOP_MEAN_SQUARE = 1.0, 2.0
 """Mean square of what play cells leave of the closings of small loops, in squares of its error: of
 noise, and from where on nobody takes it for noise."""
-_CERTAIN = 2.0
+_MIN_STANDARD_ERRORS = 2.0
 """Standard errors by which a law that forgets must be nearer to them."""
 
 
-def identify_rippling(
-    loops: Loops, options: IdentifyTable, usable: Callable[[IdentifiedMagnet], bool]
+def identify_magnet_with_ripple(
+    loops: Loops, options: IdentifyTable, is_usable: Callable[[IdentifiedMagnet], bool]
 ) -> IdentifiedMagnet:
     """Identify a magnet whose current ripples, by the law as which its small loops close.
 
@@ -61,51 +61,51 @@ def identify_rippling(
     model = known.model
     if options.law != "auto" or model.operator_law.cells is None or model.has_eddy_currents:
         return known
-    alone = misclosures(loops, [model])
-    if alone.size == 0 or alone.mean() <= _NOISE:
+    alone = squared_misclosures(loops, [model])
+    if alone.size == 0 or alone.mean() <= _NOISE_MEAN_SQUARE:
         return known
-    other = identify_magnet(loops, options.model_copy(update={"law": _FORGETS}))
-    left = misclosures(loops, [model, other.model])
+    other = identify_magnet(loops, options.model_copy(update={"law": _ACCOMMODATING_LAW}))
+    left = squared_misclosures(loops, [model, other.model])
     own, its = left.mean(axis=0).tolist()
-    nearer = len(left) * (own - its) / max(its, 1.0) > _CERTAIN**2
-    if nearer and other.model.acceptance().passed is not False and usable(other):
-        text = f"law {_FORGETS} is taken, which forgets them too; with a probe, 'fused' leaves less"
-    elif nearer or own > _OPEN:
+    nearer = len(left) * (own - its) / max(its, 1.0) > _MIN_STANDARD_ERRORS**2
+    if nearer and other.model.acceptance().passed is not False and is_usable(other):
+        text = f"law {_ACCOMMODATING_LAW} is taken, which forgets them too; with a probe, 'fused' leaves less"
+    elif nearer or own > _OPEN_LOOP_MEAN_SQUARE:
         other = known
         text = "no law follows that, 'single-valued' may be better than 'full', and a probe is"
     else:
         return known
     text = f"small loops do not close: this iron does not keep its turning points; {text}"
-    warnings.warn(text, CreepWarning, stacklevel=3)
+    warnings.warn(text, ReturnPointMemoryWarning, stacklevel=3)
     return other
 
 
-def fit_at(
+def fit_compensators(
     rig: BodyRig,
-    where: Operating,
+    operating_point: OperatingRange,
     magnets: Sequence[IdentifiedMagnet],
     variant: MethodName,
     number_format: NumberFormat,
 ) -> list[ForceController]:
     """Fit one variant to what is known of each magnet, where it works."""
-    probe = calibrate_probe(rig) if variant in PROBED else None
+    probe = calibrate_probe(rig) if variant in FLUX_PROBE_METHODS else None
     fitted = []
     for magnet in magnets:
-        sources = Sources(where, magnet.loops, magnet.model, probe)
+        sources = Sources(operating_point, magnet.loops, magnet.model, probe)
         compensator = make_compensator(variant, sources, number_format)
-        if magnet.wider and isinstance(compensator.parameters, PlayMap):
-            wider = compensator.parameters.widened(magnet.wider)
+        if magnet.loop_width_change and isinstance(compensator.parameters, PlayMap):
+            wider = compensator.parameters.widened(magnet.loop_width_change)
             compensator = replace(compensator, parameters=wider)
         fitted.append(compensator)
     return fitted
 
 
-def calibrated(
+def calibrate_magnet(
     magnet: IdentifiedMagnet,
     scale: float = 0.0,
-    zero: float = 0.0,
-    wider: float = 0.0,
-    over: float = 0.0,
+    gap_zero: float = 0.0,
+    width_change: float = 0.0,
+    gap_margin: float = 0.0,
 ) -> IdentifiedMagnet:
     """Return what is known of a magnet in the currents and gaps of its controller.
 
@@ -115,23 +115,23 @@ def calibrated(
     """
     more, known = 1.0 + scale, magnet.loops
     loops = [
-        replace(loop, input=loop.input / more, schedule=loop.schedule + zero)
+        replace(loop, input=loop.input / more, schedule=loop.schedule + gap_zero)
         for loop in known.loops
         if loop.schedule is not None
     ]
-    model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model
+    model = drifted_law(magnet.model, Drift(pinning=width_change)) if width_change else magnet.model
     parameters, valid = model.parameters, model.valid
     moved = {
-        "c_H": change_values(parameters["c_H"], lambda value: more * value),
-        "in_0": change_values(parameters["in_0"], lambda value: 1.0 / more * value),
+        "c_H": map_parameter(parameters["c_H"], lambda value: more * value),
+        "in_0": map_parameter(parameters["in_0"], lambda value: 1.0 / more * value),
     }
     if valid is not None and valid.schedule is not None:
         (low, high), (near, far) = valid.input, valid.schedule
-        ends = near + zero - over, far + zero + over
+        ends = near + gap_zero - gap_margin, far + gap_zero + gap_margin
         valid = replace(valid, input=(low / more, high / more), schedule=ends)
-    nodes = tuple(node + zero for node in model.nodes)
+    nodes = tuple(node + gap_zero for node in model.nodes)
     model = replace(model, nodes=nodes, parameters={**parameters, **moved}, valid=valid)
-    return IdentifiedMagnet(replace(known, loops=tuple(loops)), model, wider)
+    return IdentifiedMagnet(replace(known, loops=tuple(loops)), model, width_change)
 
 
 def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
@@ -144,7 +144,7 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
     if hall is None:
         return None
     high = rig.settings.measurement.current_max_A
-    current = np.linspace(-rig.settings.magnet.both_ways * high, high, 60)
+    current = np.linspace(-rig.settings.magnet.is_bidirectional * high, high, 60)
     gaps = np.asarray(rig.settings.measurement.gaps_m)
     forces, densities = [], []
     for gap in gaps:
@@ -163,18 +163,18 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
     )
 
 
-def check_plant(rig: BodyRig, knowledge: IdentifiedMagnet) -> PlantCheck:
+def check_plant(rig: BodyRig, magnet: IdentifiedMagnet) -> PlantCheck:
     """Hold the plant of a rig, and what its controller knows, against the loops, of the slow ones."""
-    return check_fitted(
+    return check_plant_against_loops(
         rig.fitted,
-        slow_loops(knowledge.loops),
-        knowledge.model,
-        lambda loop, zero: along(follower(rig.magnet), loop, zero),
-        same=rig.law is not None and _same(rig.law, knowledge.model),
+        select_slow_loops(magnet.loops),
+        magnet.model,
+        lambda loop, zero: simulate_loop(make_path_follower(rig.magnet), loop, zero),
+        is_same_law=rig.law is not None and _is_same_law(rig.law, magnet.model),
     )
 
 
-def _same(law: Model, model: Model) -> bool:
+def _is_same_law(law: Model, model: Model) -> bool:
     """Whether two models are one, or of the same law and the same measurements."""
     if law.law != model.law:
         return False

@@ -19,59 +19,63 @@ from scipy.optimize import least_squares
 
 from anhyst._core import Magnet
 from anhyst.data import Loop, Loops
-from anhyst.data.speeds import slow_loops, speeds_of
+from anhyst.data.speeds import group_by_speed, select_slow_loops
 from anhyst.data.verdict import largest_output
 from anhyst.model.actuator import Model
+from anhyst.support.cache import cached_result
 from anhyst.support.errors import InputError
-from anhyst.support.kept import kept
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from anhyst_rigs.rig.distance import (
     PlantCheck,
-    along,
-    along_in_time,
-    distance,
-    follower,
-    model_distance,
-    thinned,
+    make_path_follower,
+    measure_deviation,
+    measure_model_deviation,
+    simulate_loop,
+    simulate_loop_in_time,
+    thin_loops,
 )
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.magnet_table import FROM_LOOPS, POLES, MagnetTable, SolidTable
+from anhyst_rigs.rig.magnet_table import FROM_LOOPS, POLE_KEYS, MagnetTable, SolidTable
 from anhyst_rigs.rig.parts.iron import NamedCells
-from anhyst_rigs.rig.parts.magnet import Poles, iron_magnet
+from anhyst_rigs.rig.parts.magnet import Poles, make_iron_magnet
 
-CELLS = 24
+PINNED_CELL_COUNT = 24
 """Pinned cells."""
 
-SIDES = 11.0
+IRON_LENGTH_SIDES = 11.0
 """Length of the flux path in the iron, in sides of a pole."""
 
-COPPER = 1.75e-8 / 0.5
+WINDING_RESISTIVITY_OHM_M = 1.75e-8 / 0.5
 """Ohm metres, of a window that is half filled and as large as a pole."""
 
-MEAN_TURN = 5.0
+MEAN_TURN_SIDES = 5.0
 """Of the winding, in sides of a pole."""
 
-FLUX_DENSITY = 1.2
+MAX_FORCE_FLUX_DENSITY_T = 1.2
 """That the largest force stands for at first, T."""
 
-WEIGHT = 0.003 * 0.1
+RELATIVE_DEVIATION_SIGMA = 0.003 * 0.1
 """Deviation of all samples, over the largest force, that counts like one expectation missed."""
 
-COARSE, FINE = 600, 2400
+COARSE_SAMPLES, FINE_SAMPLES = 600, 2400
 """Samples on which starts are tried, and on which the fit runs."""
 
-STARTS = (-1.0, 0.5, 1.5)
+PINNING_STARTS = (-1.0, 0.5, 1.5)
 """Of the pinning, in spreads of its expectation."""
 
-IN_TIME = 100
+FAST_LOOP_SAMPLES = 100
 """Samples of a fast loop, on which solid iron is fitted."""
 
-STEEL, CONDUCTIVITIES, _WIDE = 5e6, (-4.0, -2.0, 0.0, 2.0), 3.0
+STEEL_CONDUCTIVITY_S_PER_M, LOG_CONDUCTIVITY_STARTS, _LOG_CONDUCTIVITY_SIGMA = (
+    5e6,
+    (-4.0, -2.0, 0.0, 2.0),
+    3.0,
+)
 """Conductivity of plain steel, S/m; logarithms of parts of it that are tried; how widely the
 logarithm, and that of the odds of the path, are expected about zero."""
 
-TRIES = 60
+MAX_EVALUATIONS = 60
 """Steps of a fit at most."""
 
 
@@ -83,55 +87,58 @@ class FittedPlant:
     steel: NamedCells
     zero_current: float  # what the sensors of the loops read where there is nothing, A and N
     zero_force: float
-    guessed: tuple[str, ...]  # keys of the rig file that the loops leave open and nobody gave
+    guessed_keys: tuple[str, ...]  # keys of the rig file that the loops leave open and nobody gave
     solid: SolidTable | None = None  # whole
 
     @property
     def magnet(self) -> Magnet:
         """What the core steps."""
-        return iron_magnet(self.poles, self.steel)
+        return make_iron_magnet(self.poles, self.steel)
 
     @property
-    def keys(self) -> Mapping[str, Any]:
+    def magnet_keys(self) -> Mapping[str, Any]:
         """What ``[[magnet]]`` of a rig file would say beside its iron."""
-        poles = {key: getattr(self.poles, name) for name, key in POLES.items()}
+        poles = {key: getattr(self.poles, name) for name, key in POLE_KEYS.items()}
         return {**poles, "solid": self.solid}
 
 
-def check_fitted(
+def check_plant_against_loops(
     fitted: FittedPlant | None,
     loops: Loops,
     model: Model,
     force: Callable[[Loop, float], FloatArray],
-    same: bool = False,
+    is_same_law: bool = False,
 ) -> PlantCheck:
     """Hold a plant, by its force along a loop from a zero of the current, and a model against loops."""
     zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
     return PlantCheck(
-        plant=distance(loops, lambda loop: force(loop, zeros[0]) + zeros[1]),
-        model=model_distance(loops, model),
-        same=same,
-        fitted=fitted is not None,
-        guessed=() if fitted is None else fitted.guessed,
+        plant=measure_deviation(loops, lambda loop: force(loop, zeros[0]) + zeros[1]),
+        model=measure_model_deviation(loops, model),
+        is_same_law=is_same_law,
+        is_fitted=fitted is not None,
+        guessed_keys=() if fitted is None else fitted.guessed_keys,
     )
 
 
 def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
     """Fit what a rig file leaves out of its magnet; solid iron to loops of several speeds."""
-    return kept("plants", lambda: _fit(loops, table), loops, table)
+    return cached_result("plants", lambda: _fit_uncached(loops, table), loops, table)
 
 
-def _fit(loops: Loops, table: MagnetTable) -> FittedPlant:
-    slow = slow_loops(loops)
-    fit = _AtRest(thinned(slow, COARSE), table)
-    best = min((fit.run(fit.start(pinning)) for pinning in STARTS), key=lambda trial: trial[0])
-    fit = _AtRest(thinned(slow, FINE), table)
-    _, at = fit.run(best[1])
+def _fit_uncached(loops: Loops, table: MagnetTable) -> FittedPlant:
+    slow = select_slow_loops(loops)
+    fit = _StaticFit(thin_loops(slow, COARSE_SAMPLES), table)
+    best = min(
+        (fit.minimise(fit.initial_guess(pinning)) for pinning in PINNING_STARTS),
+        key=lambda trial: trial[0],
+    )
+    fit = _StaticFit(thin_loops(slow, FINE_SAMPLES), table)
+    _, at = fit.minimise(best[1])
     turns = round(fit.turns(at))
     if table.turns is None:
-        fit = _AtRest(fit.loops, table.model_copy(update={"turns": turns}))
-        _, at = fit.run(fit.start(0.0))
-    fitted = fit.fitted(at, table)
+        fit = _StaticFit(fit.loops, table.model_copy(update={"turns": turns}))
+        _, at = fit.minimise(fit.initial_guess(0.0))
+    fitted = fit.make_plant(at, table)
     return replace(fitted, solid=table.solid and _fit_solid(loops, fitted, table.solid))
 
 
@@ -151,10 +158,10 @@ AnyRig = TypeVar("AnyRig", bound=RigWithMagnet)
 def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
     """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted."""
     file = rig.settings
-    if file.solenoid is not None or not file.magnet.from_loops or file.iron is not None:
+    if file.solenoid is not None or not file.magnet.has_iron_from_loops or file.iron is not None:
         return rig
     fitted = fit_magnet(loops, file.magnet)
-    whole = file.replaced(file.magnet, file.magnet.model_copy(update=fitted.keys))
+    whole = file.with_table_replaced(file.magnet, file.magnet.model_copy(update=fitted.magnet_keys))
     irons = [*file.irons, fitted.steel]
     return replace(rig, settings=whole.model_copy(update={"irons": irons}), fitted=fitted)
 
@@ -170,7 +177,7 @@ def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTab
         )
     if given.conductivity_S_per_m is not None and given.path_m is not None:
         return given
-    speeds = speeds_of(loops)
+    speeds = group_by_speed(loops)
     if speeds is None:
         raise InputError(
             "magnet.solid: loops at one speed do not say how late solid iron answers; give "
@@ -179,79 +186,90 @@ def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTab
             key="magnet.solid",
         )
     some = [loop for group in speeds.fast for loop in group]
-    fast = thinned(loops.with_loops(some), IN_TIME * len(some))
+    fast = thin_loops(loops.with_loops(some), FAST_LOOP_SAMPLES * len(some))
     top = largest_output(loops)
-    weight = 1.0 / (WEIGHT * top * math.sqrt(sum(loop.n for loop in fast.loops)))
+    weight = 1.0 / (RELATIVE_DEVIATION_SIGMA * top * math.sqrt(sum(loop.n for loop in fast.loops)))
 
     def table(at: FloatArray) -> SolidTable:
-        conductivity = given.conductivity_S_per_m or STEEL * math.exp(at[0])
-        path = given.path_m or fitted.poles.iron_length * _share(at[1])
+        conductivity = given.conductivity_S_per_m or STEEL_CONDUCTIVITY_S_PER_M * math.exp(at[0])
+        path = given.path_m or fitted.poles.iron_length * _logistic(at[1])
         return given.model_copy(update={"conductivity_S_per_m": conductivity, "path_m": path})
 
     def misses(at: FloatArray) -> FloatArray:
-        solid = table(at).solid(fitted.poles.iron_length)
-        magnet = iron_magnet(fitted.poles, fitted.steel, solid=solid)
+        solid = table(at).make_solid_iron(fitted.poles.iron_length)
+        magnet = make_iron_magnet(fitted.poles, fitted.steel, solid=solid)
         off = [
-            along_in_time(magnet, loop, fitted.zero_current) + fitted.zero_force - loop.output
+            simulate_loop_in_time(magnet, loop, fitted.zero_current)
+            + fitted.zero_force
+            - loop.output
             for loop in fast.loops
         ]
-        return np.concatenate([weight * np.concatenate(off), at / _WIDE])
+        return np.concatenate([weight * np.concatenate(off), at / _LOG_CONDUCTIVITY_SIGMA])
 
-    starts = (np.array([one, 0.0]) for one in CONDUCTIVITIES)
+    starts = (np.array([one, 0.0]) for one in LOG_CONDUCTIVITY_STARTS)
     start = min(starts, key=lambda at: float(np.sum(misses(at) ** 2)))
-    return table(least_squares(misses, start, max_nfev=TRIES, diff_step=1e-3, xtol=1e-4).x)
+    return table(
+        least_squares(misses, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-3, xtol=1e-4).x
+    )
 
 
-class _AtRest:
+class _StaticFit:
     """Least squares of the force, with expectations of what the loops leave open."""
 
     def __init__(self, loops: Loops, table: MagnetTable) -> None:
         self.loops = loops
         self._table = table
-        self._top = max(float(np.max(loop.output)) for loop in loops.loops)
-        self._high = max(float(np.max(np.abs(loop.input))) for loop in loops.loops)
-        expected = _expected(loops, table, self._top)
+        self._max_force = max(float(np.max(loop.output)) for loop in loops.loops)
+        self._max_current = max(float(np.max(np.abs(loop.input))) for loop in loops.loops)
+        expected = _parameter_priors(loops, table, self._max_force)
         self._names = tuple(expected)
-        self._middle = np.array([middle for middle, _ in expected.values()])
-        self._spread = np.array([spread for _, spread in expected.values()])
+        self._prior_mean = np.array([middle for middle, _ in expected.values()])
+        self._prior_sigma = np.array([spread for _, spread in expected.values()])
         samples = sum(loop.n for loop in loops.loops)
-        self._weight = 1.0 / (WEIGHT * self._top * math.sqrt(samples))
+        self._weight = 1.0 / (RELATIVE_DEVIATION_SIGMA * self._max_force * math.sqrt(samples))
 
-    def start(self, pinning: float) -> FloatArray:
+    def initial_guess(self, pinning: float) -> FloatArray:
         """Return a place to begin, in spreads from what is expected."""
         at = np.zeros(len(self._names))
         at[self._names.index("pinning")] = pinning
         return at
 
-    def run(self, start: FloatArray) -> tuple[float, FloatArray]:
+    def minimise(self, start: FloatArray) -> tuple[float, FloatArray]:
         """Return the least cost that is reached from a place, and where."""
-        best = least_squares(self._misses, start, max_nfev=TRIES, diff_step=1e-4)
+        best = least_squares(self._residuals, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-4)
         return float(best.cost), best.x
 
     def turns(self, at: FloatArray) -> float:
         """Return the turns there, not rounded yet."""
-        return self._poles(self._values(at))[0].turns
+        return self._make_poles_and_steel(self._named_parameters(at))[0].turns
 
-    def fitted(self, at: FloatArray, table: MagnetTable) -> FittedPlant:
+    def make_plant(self, at: FloatArray, table: MagnetTable) -> FittedPlant:
         """Return the magnet there."""
-        values = self._values(at)
-        poles, steel = self._poles(values)
-        resistance = COPPER * MEAN_TURN * poles.turns**2 / math.sqrt(poles.width * poles.depth)
+        values = self._named_parameters(at)
+        poles, steel = self._make_poles_and_steel(values)
+        resistance = (
+            WINDING_RESISTIVITY_OHM_M
+            * MEAN_TURN_SIDES
+            * poles.turns**2
+            / math.sqrt(poles.width * poles.depth)
+        )
         guessed = [
             key for key in ("resistance_ohm", "iron_length_m") if getattr(table, key) is None
         ]
         return FittedPlant(
             replace(poles, resistance=table.resistance_ohm or resistance),
             steel,
-            values["zero_current"] * self._high,
-            values["zero_force"] * self._top,
+            values["zero_current"] * self._max_current,
+            values["zero_force"] * self._max_force,
             tuple(guessed),
         )
 
-    def _values(self, at: FloatArray) -> dict[str, float]:
-        return dict(zip(self._names, (self._middle + self._spread * at).tolist(), strict=True))
+    def _named_parameters(self, at: FloatArray) -> dict[str, float]:
+        return dict(
+            zip(self._names, (self._prior_mean + self._prior_sigma * at).tolist(), strict=True)
+        )
 
-    def _poles(self, values: Mapping[str, float]) -> tuple[Poles, NamedCells]:
+    def _make_poles_and_steel(self, values: Mapping[str, float]) -> tuple[Poles, NamedCells]:
         table = self._table
         width, depth = table.pole_width_m, table.pole_depth_m
         side = (
@@ -265,15 +283,15 @@ class _AtRest:
             width=width,
             depth=depth,
             leakage=math.exp(values["leakage"]) if table.leakage_H is None else table.leakage_H,
-            iron_length=table.iron_length_m or SIDES * side,
+            iron_length=table.iron_length_m or IRON_LENGTH_SIDES * side,
             joints=math.exp(values["joints"]) if table.joints_m is None else table.joints_m,
         )
         saturation, knee = math.exp(values["saturation"]), math.exp(values["knee"])
-        sharp = _share(values["sharp"])
+        sharp = _logistic(values["sharp"])
         steel = NamedCells.model_construct(
             name=FROM_LOOPS,
-            cells=CELLS,
-            reversible_fraction=_share(values["reversible"]),
+            cells=PINNED_CELL_COUNT,
+            reversible_fraction=_logistic(values["reversible"]),
             pinning_scale_A_per_m=math.exp(values["pinning"]),
             pinning_shape=math.exp(values["shape"]),
             saturation_sharp_T=saturation * sharp,
@@ -283,26 +301,28 @@ class _AtRest:
         )
         return poles, steel
 
-    def _misses(self, at: FloatArray) -> FloatArray:
-        values = self._values(at)
-        poles, steel = self._poles(values)
-        magnet = iron_magnet(poles, steel)
-        zero_current = values["zero_current"] * self._high
-        zero_force = values["zero_force"] * self._top
+    def _residuals(self, at: FloatArray) -> FloatArray:
+        values = self._named_parameters(at)
+        poles, steel = self._make_poles_and_steel(values)
+        magnet = make_iron_magnet(poles, steel)
+        zero_current = values["zero_current"] * self._max_current
+        zero_force = values["zero_force"] * self._max_force
         misses = [
-            along(follower(magnet), loop, zero_current) + zero_force - loop.output
+            simulate_loop(make_path_follower(magnet), loop, zero_current) + zero_force - loop.output
             for loop in self.loops.loops
         ]
         return np.concatenate([self._weight * np.concatenate(misses), at])
 
 
-def _expected(loops: Loops, table: MagnetTable, top: float) -> dict[str, tuple[float, float]]:
+def _parameter_priors(
+    loops: Loops, table: MagnetTable, top: float
+) -> dict[str, tuple[float, float]]:
     """Return middle and spread of everything that is sought; logarithms, and odds of shares."""
-    area, turns = MU_0 * top / FLUX_DENSITY**2, 0.0
+    area, turns = MU_0 * top / MAX_FORCE_FLUX_DENSITY_T**2, 0.0
     width, depth = table.pole_width_m, table.pole_depth_m
     if width and depth:
         area = width * depth
-    turns = table.turns or math.sqrt(_turns_squared_by_area(loops) / area)
+    turns = table.turns or math.sqrt(_estimate_turns_squared_area(loops) / area)
     side = math.sqrt(area)
     expected = {
         "side": (math.log(side), 1.0),
@@ -328,7 +348,7 @@ def _expected(loops: Loops, table: MagnetTable, top: float) -> dict[str, tuple[f
     return {name: value for name, value in expected.items() if not held.get(name, False)}
 
 
-def _turns_squared_by_area(loops: Loops) -> float:
+def _estimate_turns_squared_area(loops: Loops) -> float:
     """Return turns^2 times the area of a pole, m^2, as if the iron needed nothing."""
     estimates = []
     for loop in loops.loops:
@@ -339,5 +359,5 @@ def _turns_squared_by_area(loops: Loops) -> float:
     return float(np.median(estimates)) if estimates else 1.0
 
 
-def _share(odds: float) -> float:
+def _logistic(odds: float) -> float:
     return 1.0 / (1.0 + math.exp(-odds))

@@ -9,18 +9,18 @@ from typing import Any
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import rig_kinds
 from anhyst.support.toml_file import FileFault, Table, faults_error, read_toml
-from anhyst.support.toml_text import Path as KeyPath
+from anhyst.support.toml_text import KeyPath
 from anhyst_rigs.rig import case_table, sensor_table, tables
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.magnet_table import FROM_LOOPS, LikeTable, MagnetTable, SolenoidTable
 from anhyst_rigs.rig.measurement_table import identify_faults
 
-KINDS = ("levitation", "tracking", "force", "displacement")
+RIG_KINDS = ("levitation", "tracking", "force", "displacement")
 """Columns of the grids below: the words of ``control.kind``."""
-_NUMBERS = {"1": (1, 1), "?": (0, 1), "*": (0, math.inf), "+": (1, math.inf), ".": (0, 0)}
+_COUNT_LIMITS = {"1": (1, 1), "?": (0, 1), "*": (0, math.inf), "+": (1, math.inf), ".": (0, 0)}
 """Least and largest number of tables that a sign of a grid allows."""
 
-_TABLES: Mapping[type[Table], tuple[str, str, str]] = {
+_TABLE_RULES: Mapping[type[Table], tuple[str, str, str]] = {
     MagnetTable: ("1 1 ? .", "magnet", "a [[magnet]] with winding and poles"),
     LikeTable: ("? + . .", "magnet", "a second [[magnet]], with like and direction"),
     SolenoidTable: (". . ? .", "magnet", 'a [[magnet]] of kind "solenoid"'),
@@ -50,7 +50,7 @@ _TABLES: Mapping[type[Table], tuple[str, str, str]] = {
 }
 """How many tables of each type a kind of rig has; the key of their list, and their name in messages."""
 
-_SINGLE = {
+_SINGLE_KEY_RULES = {
     "loops": "1 1 1 .",
     "load": "1 . . .",
     "frame": ". ? . .",
@@ -62,7 +62,7 @@ _SINGLE = {
 }
 """Other tables and keys of the file: whether a kind of rig must, may or must not have them."""
 
-_KEYS: Mapping[type[Table], Mapping[str, str]] = {
+_TABLE_KEY_RULES: Mapping[type[Table], Mapping[str, str]] = {
     tables.TimingTable: dict.fromkeys(("substeps", "delay_ticks"), "? ? . ."),
     MagnetTable: {
         "gap_m": "1 1 . .",
@@ -97,41 +97,41 @@ _KEYS: Mapping[type[Table], Mapping[str, str]] = {
 """Keys of a table that a kind of rig must have, or has no use for; it may have all others."""
 
 
-def _number(file: RigFile, row: str) -> tuple[float, float]:
+def _count_limits(file: RigFile, row: str) -> tuple[float, float]:
     """Return the least and the largest number that a row of a grid allows the kind of a file."""
-    return _NUMBERS[row.split()[KINDS.index(file.control.kind)]]
+    return _COUNT_LIMITS[row.split()[RIG_KINDS.index(file.control.kind)]]
 
 
-def takes_key(file: RigFile, key: str) -> bool:
+def allows_key(file: RigFile, key: str) -> bool:
     """Whether a file of its kind may have a table or key that stands alone."""
-    return _number(file, _SINGLE[key])[1] > 0
+    return _count_limits(file, _SINGLE_KEY_RULES[key])[1] > 0
 
 
 def _count_faults(file: RigFile) -> Iterator[FileFault]:
     whose = file.kind.title
-    for table, (row, key, title) in _TABLES.items():
+    for table, (row, key, title) in _TABLE_RULES.items():
         places = [path for path, one in file.tables() if type(one) is table]
-        least, most = _number(file, row)
+        least, most = _count_limits(file, row)
         if len(places) < least:
             yield FileFault((key,), f"{whose} needs {title}; add one", code="missing")
         elif len(places) > most:
             text = f"{whose} has no use for {title}" if not most else f"{whose} has one of them"
             yield FileFault(places[int(most)], f"{text}; remove it", code="not-for-this-kind")
-    if _number(file, _TABLES[SolenoidTable][0])[1] and len(file.magnets) != 1:
+    if _count_limits(file, _TABLE_RULES[SolenoidTable][0])[1] and len(file.magnets) != 1:
         text = "needs one magnet: with winding and poles, or a solenoid; correct it"
         yield FileFault(("magnet",), text, code="one-of-two")
 
 
 def _key_faults(file: RigFile) -> Iterator[FileFault]:
-    for key, row in _SINGLE.items():
+    for key, row in _SINGLE_KEY_RULES.items():
         is_given = bool({key, f"given_{key}"} & file.model_fields_set)
         yield from _presence_fault(file, (key,), row, is_given, "needs it; add it")
     single: list[tuple[Any, Table]] = [(("timing",), file.timing), (("control",), file.control)]
     for path, table in [*file.tables(), *single]:
-        grid = _TABLES.get(type(table))
-        if grid is not None and not _number(file, grid[0])[1]:
+        grid = _TABLE_RULES.get(type(table))
+        if grid is not None and not _count_limits(file, grid[0])[1]:
             continue  # it is not of this kind of rig at all
-        for key, row in _KEYS.get(type(table), {}).items():
+        for key, row in _TABLE_KEY_RULES.get(type(table), {}).items():
             is_given = key in table.model_fields_set
             yield from _presence_fault(file, (*path, key), row, is_given, "")
     spread = tables.SPREADS[file.control.kind]
@@ -143,7 +143,7 @@ def _presence_fault(
     file: RigFile, path: KeyPath, row: str, is_given: bool, needed: str
 ) -> Iterator[FileFault]:
     """Find a key that the kind of the file must have and has not, or has no use for."""
-    whose, (least, most) = file.kind.title, _number(file, row)
+    whose, (least, most) = file.kind.title, _count_limits(file, row)
     if least and not is_given:
         text = f"{whose} {needed}" if needed else f"is missing, {whose} needs it; add it"
         yield FileFault(path, text, code="missing")
@@ -184,8 +184,8 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
 
 
 def _pair_faults(file: RigFile, first: MagnetTable | None) -> Iterator[FileFault]:
-    pushes = first is not None and first.both_ways
-    needs_opposite = _number(file, _TABLES[LikeTable][0])[0] > 0
+    pushes = first is not None and first.is_bidirectional
+    needs_opposite = _count_limits(file, _TABLE_RULES[LikeTable][0])[0] > 0
     pairs = not pushes and (file.opposite is not None or needs_opposite)
     if pairs != (file.bias_N is not None):
         text = "a pair of magnets needs it; add it"
@@ -207,12 +207,12 @@ def _push_faults(file: RigFile, first: MagnetTable) -> Iterator[FileFault]:
     for magnet in file.magnets:
         if isinstance(magnet, LikeTable) and magnet.gap_m != first.gap_m:
             text = f"'{first.name}' is made for {first.gap_m:g} m; write that"
-            yield FileFault(file.place(magnet, "gap_m"), text, code="option-differs")
+            yield FileFault(file.key_path(magnet, "gap_m"), text, code="option-differs")
 
 
-def read_rig_file(path: PathLike, word: str) -> RigFile:
+def read_rig_file(path: PathLike, kind: str) -> RigFile:
     """Read the rig file of one kind of rig, named by its ``control.kind``."""
-    file = read_toml(path, RigFile, kinds=[rig_kinds()[word]])
+    file = read_toml(path, RigFile, kinds=[rig_kinds()[kind]])
     faults = [*_count_faults(file), *_key_faults(file), *_name_faults(file)]
     if file.given_loops is not None:
         faults += identify_faults(file.loops)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from anhyst_rigs.rig.magnet_table import CLOSES, OPENS, ORIGIN
+from anhyst_rigs.rig.magnet_table import CLOSES_GAP, OPENS_GAP, ORIGIN
 from anhyst_rigs.rig.sensor_table import PositionSensorTable
 
 Line = Mapping[str, list[float]]
 """A place ``r`` on the body, m, and a unit vector ``d`` along which something acts there."""
 
-ALONG_X: Line = {"r": ORIGIN, "d": OPENS}
-AGAINST_X: Line = {"r": ORIGIN, "d": CLOSES}
+ALONG_X: Line = {"r": ORIGIN, "d": OPENS_GAP}
+AGAINST_X: Line = {"r": ORIGIN, "d": CLOSES_GAP}
 """Lines through the origin."""
 
 
@@ -27,7 +27,7 @@ class Coordinate:
 
 
 @dataclass(frozen=True, slots=True)
-class BodyLines:
+class LinesOfAction:
     """Where everything acts on a body; gaps are those with the body at its origin, m."""
 
     coordinates: Sequence[Coordinate]

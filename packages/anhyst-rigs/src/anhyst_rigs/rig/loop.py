@@ -15,13 +15,13 @@ from anhyst.compensate.force_controller import ForceController
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.plant import current_loops, make_plant
-from anhyst_rigs.rig.recording import Recording, column
+from anhyst_rigs.rig.plant import current_controllers, make_plant
+from anhyst_rigs.rig.recording import Recording, column_name
 
-DROP, SHORT, FAILS = 256, 512, 16
+DROP_SAMPLE_BIT, SHORT_CIRCUIT_BIT, FIRST_FAILURE_BIT = 256, 512, 16
 """Of a command: bits of a dropped sample and of a short circuit, first bit of what fails;
 ``plant/include/anhyst_plant/loop.h``."""
-HEAD_FAULTS = {"missing": 1024, "frozen": 2048, "jumps": 4096}
+HEAD_FAULT_BITS = {"missing": 1024, "frozen": 2048, "jumps": 4096}
 """Bits of the ways in which heads fail instead of amplifiers."""
 
 
@@ -40,7 +40,7 @@ class ReferenceStep:
         return abs(self.after - self.before)
 
 
-def _nothing() -> FloatArray:
+def _empty_array() -> FloatArray:
     return np.zeros(0)
 
 
@@ -54,16 +54,18 @@ class Scenario:
 
     target: FloatArray  # wanted position, m: of a bearing the gap
     # force commanded to the load drive, N; shape (n,)
-    load: FloatArray = field(default_factory=_nothing)
+    load: FloatArray = field(default_factory=_empty_array)
     # added to the position that the controller sees, m
-    inject: FloatArray = field(default_factory=_nothing)
-    feed: FloatArray = field(default_factory=_nothing)  # force that the controller is given, N
+    inject: FloatArray = field(default_factory=_empty_array)
+    feed: FloatArray = field(default_factory=_empty_array)  # force that the controller is given, N
     # :class:`Command`, :data:`DROP`; shape (n,)
     command: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
     # where it is at n + 1 ticks, m; empty: it stands still
-    frame: FloatArray = field(default_factory=_nothing)
+    frame: FloatArray = field(default_factory=_empty_array)
     steps: tuple[ReferenceStep, ...] = ()  # steps of the reference in it
-    lifted: int = 0  # tick from which on the armature should levitate; 0 if nothing lifts it here
+    lift_end_tick: int = (
+        0  # tick from which on the armature should levitate; 0 if nothing lifts it here
+    )
 
     def __post_init__(self) -> None:
         n = len(self.target)
@@ -79,7 +81,7 @@ class Scenario:
         """How long it is."""
         return len(self.target)
 
-    def part(self, begin: int, end: int) -> Scenario:
+    def slice_ticks(self, begin: int, end: int) -> Scenario:
         """Return what happens from one tick up to another; nothing is lifted or stepped in it."""
         each = ("target", "load", "inject", "feed", "command")
         ticks = {name: getattr(self, name)[begin:end] for name in each}
@@ -100,7 +102,7 @@ class ClosedLoop:
         recorded: Sequence[str] | None = None,
     ) -> None:
         self._loop = PlantLoop(plant, controller, current_loops)
-        self._signals = [column(*signal) for signal in self._loop.signals]
+        self._signals = [column_name(*signal) for signal in self._loop.signals]
         self._recorded = recorded  # columns; all where it is None
 
     def run(self, scenario: Scenario) -> Recording:
@@ -111,20 +113,22 @@ class ClosedLoop:
         )
         frame = np.ascontiguousarray(scenario.frame).ravel() if len(scenario.frame) else None
         rows = self._loop.run(target, load, inject, feed, scenario.command, frame)
-        run = Recording.of_table(rows, self._signals)
-        return run if self._recorded is None else run.only(self._recorded)
+        run = Recording.from_table(rows, self._signals)
+        return run if self._recorded is None else run.select_columns(self._recorded)
 
 
 @dataclass(frozen=True)
 class Setup(ABC):
     """All that a run of a body between magnets needs; goes to other processes."""
 
-    recorded: ClassVar[Sequence[str] | None] = None  # columns of a recording; all where it is None
+    recorded_columns: ClassVar[Sequence[str] | None] = (
+        None  # columns of a recording; all where it is None
+    )
 
     rig: BodyRig  # the plant
     compensator: ForceController  # from force to current, as fitted; never run itself
     # of every magnet, where they are not all the same
-    own: tuple[ForceController, ...] = field(default=(), kw_only=True)
+    own_compensators: tuple[ForceController, ...] = field(default=(), kw_only=True)
 
     @property
     def method(self) -> MethodName:
@@ -132,13 +136,13 @@ class Setup(ABC):
         return self.compensator.method
 
     @property
-    def each(self) -> tuple[ForceController, ...]:
+    def compensators(self) -> tuple[ForceController, ...]:
         """The compensator of every magnet, as fitted."""
-        return self.own or (self.compensator,) * len(self.rig.settings.placed)
+        return self.own_compensators or (self.compensator,) * len(self.rig.settings.body_magnets)
 
-    def fresh(self) -> list[ForceController]:
+    def make_compensators(self) -> list[ForceController]:
         """Return a force controller for every magnet, demagnetised."""
-        return [compensator.fresh() for compensator in self.each]
+        return [compensator.reset_copy() for compensator in self.compensators]
 
     def make_plant(self, seed: int) -> Plant:
         """Return the plant, at rest, its iron demagnetised."""
@@ -156,11 +160,17 @@ class SimulatedLoop(ClosedLoop):
     """The plant, or another one, and the controller of a setup."""
 
     def __init__(
-        self, setup: Setup, seed: int = 0, largest_first: bool = False, plant: Plant | None = None
+        self,
+        setup: Setup,
+        seed: int = 0,
+        is_magnetised_first: bool = False,
+        plant: Plant | None = None,
     ) -> None:
         rig, plant = setup.rig, plant or setup.make_plant(seed)
-        if largest_first:
-            for magnet in range(len(rig.settings.placed)):
+        if is_magnetised_first:
+            for magnet in range(len(rig.settings.body_magnets)):
                 for current in (rig.settings.amplifier.current_high_A, 0.0):
                     plant.hold(current, magnet)
-        super().__init__(plant, setup.make_controller(), current_loops(rig), setup.recorded)
+        super().__init__(
+            plant, setup.make_controller(), current_controllers(rig), setup.recorded_columns
+        )

@@ -11,9 +11,9 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from anhyst.data.output_map import output_map
 from anhyst.support.errors import InputError
-from anhyst.support.toml_file import BRANCH, Name, NotNegative, Number, Positive, Table
+from anhyst.support.toml_file import BRANCH_PREFIX, Name, NotNegative, Number, Positive, Table
 from anhyst.support.units import QUANTITIES
-from anhyst_rigs.rig.parts.magnet import ACTUATORS, Poles, Solid
+from anhyst_rigs.rig.parts.magnet import ACTUATORS, Poles, SolidIron
 
 FROM_LOOPS = "from loops"
 
@@ -23,20 +23,20 @@ Place = Annotated[list[Number], Field(min_length=3, max_length=3)]
 ORIGIN = [0.0, 0.0, 0.0]
 
 
-DIRECTION_ROUNDING = 1e-6
+UNIT_LENGTH_TOLERANCE = 1e-6
 """By which the length of a unit vector may be off."""
 
 
-def _unit(value: list[float]) -> list[float]:
-    if abs(math.hypot(*value) - 1.0) > DIRECTION_ROUNDING:
+def _check_unit_vector(value: list[float]) -> list[float]:
+    if abs(math.hypot(*value) - 1.0) > UNIT_LENGTH_TOLERANCE:
         text = f"has a length of {math.hypot(*value):.6g}; write a unit vector"
         raise InputError(text, code="no-unit-vector")
     return value
 
 
-Direction = Annotated[Place, AfterValidator(_unit)]
+Direction = Annotated[Place, AfterValidator(_check_unit_vector)]
 """Unit vector along x, y, z."""
-CLOSES, OPENS = [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
+CLOSES_GAP, OPENS_GAP = [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
 """Directions on one coordinate: a magnet that pulls towards a smaller x, and one opposite to it."""
 
 
@@ -49,23 +49,23 @@ class SolidTable(Table):
     path_m: Annotated[float, Field(ge=1e-6)] | None = None
     volumes: Annotated[int, Field(ge=8, le=16)] = 12  # into which the depth is cut
 
-    def solid(self, iron_length: float) -> Solid | None:
+    def make_solid_iron(self, iron_length: float) -> SolidIron | None:
         """Return it in a path of so many metres, once it is known."""
         if self.conductivity_S_per_m is None:
             return None
         length = iron_length if self.path_m is None else self.path_m
-        return Solid(length, self.depth_m, self.conductivity_S_per_m, self.volumes)
+        return SolidIron(length, self.depth_m, self.conductivity_S_per_m, self.volumes)
 
 
-LAW = "law"
+LAW_KIND = "law"
 """Kind of a magnet whose force an identified law makes."""
 
 
-def _known(kind: str) -> str:
-    if why := ACTUATORS.why_unusable(kind):
+def _check_kind(kind: str) -> str:
+    if why := ACTUATORS.explain_unusable(kind):
         raise InputError(why, code="not-installed")
-    if kind not in (LAW, *ACTUATORS):
-        names = ", ".join(f'"{name}"' for name in (*ACTUATORS, LAW))
+    if kind not in (LAW_KIND, *ACTUATORS):
+        names = ", ".join(f'"{name}"' for name in (*ACTUATORS, LAW_KIND))
         raise InputError(f"must be one of {names}; correct it", code="unknown-choice")
     return kind
 
@@ -74,9 +74,9 @@ class MagnetTable(Table):
     """Winding, poles and iron of one magnet. What a fit finds or guesses may be left out."""
 
     name: Name
-    kind: Annotated[str, AfterValidator(_known)] = "electromagnet"
+    kind: Annotated[str, AfterValidator(_check_kind)] = "electromagnet"
     iron: str | None = None  # name of an iron, or "from loops"
-    direction: Direction = CLOSES
+    direction: Direction = CLOSES_GAP
     position_m: Place = ORIGIN  # of the middle of its poles, on the body
     gap_m: Positive | None = None  # where the body works
     turns: Annotated[int, Field(ge=1)] | None = None
@@ -93,33 +93,33 @@ class MagnetTable(Table):
     flux_table: str | None = None
 
     @model_validator(mode="after")
-    def _whole(self) -> Self:
-        if self.kind == LAW and self.model is None:
+    def _check_keys(self) -> Self:
+        if self.kind == LAW_KIND and self.model is None:
             raise InputError('a magnet of kind "law" needs model; add it', code="missing")
-        if self.kind != LAW and (self.model or self.flux_table):
+        if self.kind != LAW_KIND and (self.model or self.flux_table):
             text = 'model and flux_table belong to kind "law"; write that, or remove them'
             raise InputError(text, code="not-for-this-kind")
-        if self.iron is None and (self.kind != LAW or self.flux_table is None):
+        if self.iron is None and (self.kind != LAW_KIND or self.flux_table is None):
             raise InputError(
                 f'needs iron; name one of [[iron]], or write "{FROM_LOOPS}"', code="missing"
             )
-        if self.solid is not None and self.kind == LAW:
+        if self.solid is not None and self.kind == LAW_KIND:
             raise InputError(
                 'solid belongs to kind "electromagnet"; remove it', code="not-for-this-kind"
             )
-        known = {} if self.kind == LAW else ACTUATORS[self.kind].numbers
+        known = {} if self.kind == LAW_KIND else ACTUATORS[self.kind].numbers
         for key in sorted(known.keys() - self.numbers):
             text = f"needs numbers.{key}, {known[key]}; add it"
             raise InputError(text, code="missing")
         for key in sorted(self.numbers.keys() - known):
             text = f'numbers.{key} is none of kind "{self.kind}"; remove it'
             raise InputError(text, code="not-for-this-kind")
-        if self.from_loops:
+        if self.has_iron_from_loops:
             return self
         if self.solid is not None and self.solid.conductivity_S_per_m is None:
             text = f'needs solid.conductivity_S_per_m; add it, or write iron = "{FROM_LOOPS}"'
             raise InputError(text, code="missing")
-        for name, key in POLES.items():
+        for name, key in POLE_KEYS.items():
             if name != "joints" and getattr(self, key) is None:
                 raise InputError(
                     f'needs {key}; add it, or write iron = "{FROM_LOOPS}"', code="missing"
@@ -138,44 +138,48 @@ class MagnetTable(Table):
         except ArithmeticError:
             return False
         if poles.outer is None:
-            return not self.both_ways
+            return not self.is_bidirectional
         late = poles.turns**2 / poles.outer / poles.resistance if poles.outer > 0.0 else math.inf
         known = math.isfinite(poles.bias) and math.isfinite(poles.spring)
-        return known and 0.0 < late <= SLOWEST_S and self.both_ways == (poles.bias != 0.0)
+        return (
+            known
+            and 0.0 < late <= MAX_TIME_CONSTANT_S
+            and self.is_bidirectional == (poles.bias != 0.0)
+        )
 
     @property
     def output(self) -> str:
         """Quantity of its loops."""
-        return "force" if self.kind == LAW else ACTUATORS[self.kind].output
+        return "force" if self.kind == LAW_KIND else ACTUATORS[self.kind].output
 
     @property
-    def both_ways(self) -> bool:
+    def is_bidirectional(self) -> bool:
         """Whether it pushes as well as it pulls."""
-        return not output_map(QUANTITIES[self.output]).even
+        return not output_map(QUANTITIES[self.output]).is_even
 
     @property
-    def from_loops(self) -> bool:
+    def has_iron_from_loops(self) -> bool:
         """Whether the loops still have to say what is left out."""
         return self.iron == FROM_LOOPS
 
     @property
-    def solid_iron(self) -> Solid | None:
+    def solid_iron(self) -> SolidIron | None:
         """What of the iron is solid, once it is known."""
         if self.solid is None or self.iron_length_m is None:
             return None
-        return self.solid.solid(self.iron_length_m)
+        return self.solid.make_solid_iron(self.iron_length_m)
 
     @property
     def poles(self) -> Poles:
         """Winding and poles, once they are known."""
-        numbers = {name: getattr(self, key) for name, key in POLES.items()}
+        numbers = {name: getattr(self, key) for name, key in POLE_KEYS.items()}
         poles = Poles(**{**numbers, "joints": self.joints_m or 0.0})
-        return poles if self.kind == LAW else ACTUATORS[self.kind].circuit(poles, self.numbers)
+        return poles if self.kind == LAW_KIND else ACTUATORS[self.kind].circuit(poles, self.numbers)
 
 
-SLOWEST_S = 1e3
+MAX_TIME_CONSTANT_S = 1e3
 """Inductance over resistance of a winding, beyond which nothing moves."""
-POLES = {
+POLE_KEYS = {
     "turns": "turns",
     "resistance": "resistance_ohm",
     "width": "pole_width_m",
@@ -205,13 +209,15 @@ class SolenoidTable(Table):
     file: str
 
 
-def _tag(value: Any) -> str:
+def _table_tag(value: Any) -> str:
     """Return which of the tables a magnet is."""
     if isinstance(value, Table):
-        return f"{BRANCH}{_TAGS[type(value)]}"
+        return f"{BRANCH_PREFIX}{_TAGS[type(value)]}"
     if not isinstance(value, dict) or value.get("kind") != "solenoid":
-        return f"{BRANCH}{'like' if isinstance(value, dict) and 'like' in value else 'magnet'}"
-    return f"{BRANCH}solenoid"
+        return (
+            f"{BRANCH_PREFIX}{'like' if isinstance(value, dict) and 'like' in value else 'magnet'}"
+        )
+    return f"{BRANCH_PREFIX}solenoid"
 
 
 _TAGS: dict[type[Table], str] = {
@@ -220,8 +226,8 @@ _TAGS: dict[type[Table], str] = {
     SolenoidTable: "solenoid",
 }
 MagnetEntry = Annotated[
-    Annotated[MagnetTable, Tag(f"{BRANCH}magnet")]
-    | Annotated[LikeTable, Tag(f"{BRANCH}like")]
-    | Annotated[SolenoidTable, Tag(f"{BRANCH}solenoid")],
-    Discriminator(_tag),
+    Annotated[MagnetTable, Tag(f"{BRANCH_PREFIX}magnet")]
+    | Annotated[LikeTable, Tag(f"{BRANCH_PREFIX}like")]
+    | Annotated[SolenoidTable, Tag(f"{BRANCH_PREFIX}solenoid")],
+    Discriminator(_table_tag),
 ]

@@ -12,29 +12,29 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from anhyst.data import Loops
 from anhyst.data.output_map import is_actuator
-from anhyst.data.reading import files_read
+from anhyst.data.reading import list_input_files
 from anhyst.data.verdict import largest_output
 from anhyst.identification import identify
-from anhyst.identification.identify import check_wanted
-from anhyst.identification.run import IdentifyTable, whole_search
+from anhyst.identification.identify import check_options
+from anhyst.identification.run import IdentifyTable, require_complete
 from anhyst.laws import LAWS
 from anhyst.model.actuator import Model
+from anhyst.support.cache import cached_result
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
-from anhyst.support.kept import kept
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import FileFault, Name, NotNegative, Positive, Table, faults_error
 from anhyst.support.units import QUANTITIES
-from anhyst_rigs.rig.minor_loops import closings
+from anhyst_rigs.rig.minor_loops import find_closings
 
 # ruff: noqa: N815 - keys of the file carry units
 
 
-Turn = Annotated[float, Field(ge=-1.0, le=1.0)]
+RelativeCurrent = Annotated[float, Field(ge=-1.0, le=1.0)]
 """Of the largest current; below zero for what goes both ways."""
 
 
-def _listed(value: Any) -> Any:
+def _check_file_list(value: Any) -> Any:
     if isinstance(value, str):
         return [value]
     if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
@@ -45,14 +45,14 @@ def _listed(value: Any) -> Any:
 class LoopsTable(IdentifyTable):
     """``[loops]``: files as the command line takes them, and how they are read and identified."""
 
-    files: Annotated[list[str], BeforeValidator(_listed), Field(min_length=1)]
+    files: Annotated[list[str], BeforeValidator(_check_file_list), Field(min_length=1)]
 
 
 class RecordTable(Table):
     """One of ``measurement.records``: straight from turning point to turning point."""
 
     name: Name
-    turns: Annotated[list[Turn], Field(min_length=2)]
+    turns: Annotated[list[RelativeCurrent], Field(min_length=2)]
 
 
 class MeasurementTable(Table):
@@ -67,7 +67,7 @@ class MeasurementTable(Table):
     records: Annotated[list[RecordTable], Field(min_length=1)]
 
 
-SHORTEST_S, LONGEST_S = 1e-5, 600.0
+MIN_CYCLE_S, MAX_CYCLE_S = 1e-5, 600.0
 """Of a full cycle at a further speed."""
 
 
@@ -77,13 +77,13 @@ class CampaignTable(MeasurementTable):
     fast_A_per_s: list[Positive] = Field(default_factory=list)
 
     @model_validator(mode="after")
-    def _cycles(self) -> Self:
+    def _check_fast_speeds(self) -> Self:
         for speed in self.fast_A_per_s:
             seconds = 2.0 * self.current_max_A / speed
-            if not SHORTEST_S <= seconds <= LONGEST_S:
+            if not MIN_CYCLE_S <= seconds <= MAX_CYCLE_S:
                 raise InputError(
                     f"fast_A_per_s: a full cycle at {speed:g} A/s takes {seconds:.3g} s; "
-                    f"{SHORTEST_S:g} to {LONGEST_S:g} s are measured",
+                    f"{MIN_CYCLE_S:g} to {MAX_CYCLE_S:g} s are measured",
                     code="speed-out-of-range",
                 )
         if len({f"{speed:.4g}" for speed in self.fast_A_per_s}) < len(self.fast_A_per_s):
@@ -105,18 +105,18 @@ class ExciteTable(Table):
     thermal_s: Positive | None = None
 
     @model_validator(mode="after")
-    def _both(self) -> Self:
+    def _check_thermal_keys(self) -> Self:
         if (self.continuous_A is None) != (self.thermal_s is None):
             text = "continuous_A and thermal_s belong together; give both or none"
             raise InputError(text, code="belong-together")
         return self
 
 
-_FILES = ("loops", "files")
+_FILES_KEY = ("loops", "files")
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class MeasuredLoops:
     """Measured loops as a rig file names them."""
 
     rig: Path  # the rig file
@@ -124,39 +124,39 @@ class Measured:
     output: str = "force"  # quantity that its magnets make
 
     @property
-    def places(self) -> tuple[Path, ...]:
+    def paths(self) -> tuple[Path, ...]:
         """Files and folders."""
         return tuple(self.rig.parent / name for name in self.options.files)
 
     @property
-    def text(self) -> str:
+    def description(self) -> str:
         """For messages: the first one, and how many more there are."""
-        more = f" and {len(self.places) - 1} more" if len(self.places) > 1 else ""
-        return f"{self.places[0]}{more}"
+        more = f" and {len(self.paths) - 1} more" if len(self.paths) > 1 else ""
+        return f"{self.paths[0]}{more}"
 
     @property
     def files(self) -> list[Path]:
         """All that is read for them: tables in folders, and what describes them."""
-        for number, path in enumerate(self.places):
+        for number, path in enumerate(self.paths):
             if not path.exists():
-                key = (*_FILES, number) if len(self.places) > 1 else _FILES
+                key = (*_FILES_KEY, number) if len(self.paths) > 1 else _FILES_KEY
                 text = f"{path}: no such file or folder; check the path"
                 raise faults_error(self.rig, [FileFault(key, text, code="no-such-file")])
         try:
-            return files_read(self.places, self.options.reading(self.rig.parent).sidecar)
+            return list_input_files(self.paths, self.options.read_options(self.rig.parent).sidecar)
         except InputError as error:
             raise faults_error(
-                self.rig, [FileFault(_FILES, str(error), code=error.code)]
+                self.rig, [FileFault(_FILES_KEY, str(error), code=error.code)]
             ) from error
 
     def read(self) -> Loops:
         """Read and clean them."""
         if not self.files:
-            raise InputError(f"{self.text}: no loops", code="no-loops")
-        loops = self.options.reading(self.rig.parent).read(self.places)
+            raise InputError(f"{self.description}: no loops", code="no-loops")
+        loops = self.options.read_options(self.rig.parent).read(self.paths)
         if not is_actuator(loops) or loops.schedule is None or loops.output.name != self.output:
             column = f"{QUANTITIES[self.output].symbol}_N"
-            text = f"{self.text}: this rig needs columns I_A, {column} and gap_m"
+            text = f"{self.description}: this rig needs columns I_A, {column} and gap_m"
             raise InputError(text, code="columns-missing")
         return loops
 
@@ -167,7 +167,7 @@ def identify_faults(options: IdentifyTable) -> list[FileFault]:
         text = "'free' holds at the measured gaps alone, and the armature moves; choose another"
         return [FileFault(("loops", "gap_map"), text, code="choice-not-for-this")]
     try:
-        check_wanted(options.law, options.gap_map or "circuit", options.search)
+        check_options(options.law, options.gap_map or "circuit", options.search)
     except InputError as error:
         return [FileFault(("loops",), str(error), code=error.code)]
     return []
@@ -177,33 +177,33 @@ def identify_loops(
     loops: Loops, options: IdentifyTable, gap_map: str, progress: Progress | None = None
 ) -> Model:
     """Identify a model as a rig file wants it; once of the same loops."""
-    settings = options.searching(gap_map)
+    settings = options.search_options(gap_map)
 
-    def whole() -> Model:
-        return whole_search(identify(loops, **settings, progress=progress)).model
+    def search() -> Model:
+        return require_complete(identify(loops, **settings, progress=progress)).model
 
     # What else is registered has sources that the cache does not know.
-    return whole() if LAWS.added else kept("models", whole, loops, settings)
+    return search() if LAWS.plugins else cached_result("models", search, loops, settings)
 
 
-_FINEST = 2e-4
+_MIN_RELATIVE_ERROR = 2e-4
 """Of the largest output: loops are not known to close better, however little noise they have."""
 
 
-def misclosures(loops: Loops, models: Sequence[Model]) -> FloatArray:
+def squared_misclosures(loops: Loops, models: Sequence[Model]) -> FloatArray:
     """Return what each model leaves of how small loops close, squared, in squares of its error.
 
     A row a closing, a column a model, about 1 where it is noise. The first must follow the loops.
     """
     left: list[list[float]] = []
-    least = _FINEST * largest_output(loops)
+    least = _MIN_RELATIVE_ERROR * largest_output(loops)
     for loop in loops.loops:
         given = loop.input, loop.schedule, loop.time, loop.history
         runs = [model.predict(*given).output for model in models]
-        for closing in closings(loop):
-            if (measured := closing.measured(loop, runs[0])) is None:
+        for closing in find_closings(loop):
+            if (measured := closing.measure_step(loop, runs[0])) is None:
                 continue
             step, unsure = measured
-            off = [(step - closing.step(loop, run)) / max(unsure, least) for run in runs]
+            off = [(step - closing.output_step(loop, run)) / max(unsure, least) for run in runs]
             left.append([one**2 for one in off])
     return np.array(left).reshape(-1, len(models))

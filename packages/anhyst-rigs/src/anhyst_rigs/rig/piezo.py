@@ -26,13 +26,13 @@ from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.kind_rules import read_rig_file
 from anhyst_rigs.rig.recording import Loss, SignalBound, find_loss
 
-STEP = 25e-6
+MAX_INTEGRATION_STEP_S = 25e-6
 """Longest step of the integration, s: a fortieth of the period of 1 kHz."""
-SEED = 20261125
+NOISE_SEED = 20261125
 """Of the noise of the sensor."""
 
 
-class ControllerNumbers(TypedDict):
+class PiezoControllerArguments(TypedDict):
     """A controller of a piezo stage as the core takes it."""
 
     filters: list[FloatArray]  # of the deviation
@@ -47,10 +47,10 @@ class PiezoRig:
     path: Path
     settings: RigFile
 
-    def numbers(self, dt: float) -> dict[str, float]:
+    def plant_parameters(self, dt: float) -> dict[str, float]:
         """Return it as the core takes it, for ticks of a length, s, on which a command is held."""
         stack, flexure = self.settings.stack, self.settings.flexure
-        steps = steps_in(self.settings, dt)
+        steps = integration_steps(self.settings, dt)
         return {
             "stroke_per_volt": stack.stroke_m_per_V,
             "bend": stack.bend_m_per_V2,
@@ -64,10 +64,10 @@ class PiezoRig:
             "steps": steps,
         }
 
-    def motion(self, dt: float) -> PiezoMotion:
+    def make_motion(self, dt: float) -> PiezoMotion:
         """Return it for ticks of a length, s."""
         times, shares = self.settings.stack.creep_times_s, self.settings.stack.creep_shares
-        return PiezoMotion(self.numbers(dt), np.array(times), np.array(shares))
+        return PiezoMotion(self.plant_parameters(dt), np.array(times), np.array(shares))
 
     @property
     def dt(self) -> float:
@@ -75,12 +75,14 @@ class PiezoRig:
         return 1.0 / self.settings.timing.rate_Hz
 
     @property
-    def width(self) -> int:
+    def corner_ticks(self) -> int:
         """Ticks over which corners of the path are rounded."""
-        return max(1, round(self.settings.moved.corner_s * self.settings.timing.rate_Hz))
+        return max(
+            1, round(self.settings.displacement_case.corner_s * self.settings.timing.rate_Hz)
+        )
 
     @property
-    def lateness(self) -> float:
+    def response_delay(self) -> float:
         """What the stage answers later, s: known, and the same whatever makes the voltage.
 
         One sample of delay and half a one of hold, the amplifier, and the slope of the phase below
@@ -93,33 +95,36 @@ class PiezoRig:
 
     def make_loop(self, plant: PiezoRig, drive: ForceController) -> PiezoLoop:
         """Return a stage at long rest at 0 V behind the controller of this one."""
-        loop = PiezoLoop(plant.motion(self.dt), self.settings.position_sensor.step_m)
-        loop.control(drive.native, **controller_numbers(self, drive))
+        loop = PiezoLoop(plant.make_motion(self.dt), self.settings.position_sensor.step_m)
+        loop.control(drive.native, **controller_arguments(self, drive))
         return loop
 
 
-def steps_in(file: RigFile, seconds: float) -> int:
+def integration_steps(file: RigFile, seconds: float) -> int:
     """Return the steps in which a stage is integrated: 40 a period of its resonance, or more."""
-    return max(1, math.ceil(seconds / min(STEP, 1.0 / (40.0 * file.flexure.resonance_Hz))))
+    return max(
+        1,
+        math.ceil(seconds / min(MAX_INTEGRATION_STEP_S, 1.0 / (40.0 * file.flexure.resonance_Hz))),
+    )
 
 
 def read_piezo_rig(path: PathLike) -> PiezoRig:
     """Read and check the rig file of a piezo stage."""
     settings = read_rig_file(path, "displacement")
-    if faults := [*frequency_faults(settings, [settings.moved])]:
+    if faults := [*frequency_faults(settings, [settings.displacement_case])]:
         raise faults_error(path, faults)
     return PiezoRig(Path(path), settings)
 
 
-def at_rest(inverse: ForceController) -> ForceController:
+def copy_at_rest(inverse: ForceController) -> ForceController:
     """Return another of the same parameters, for a stack that is at 0 V for long."""
-    fresh = inverse.fresh()
+    fresh = inverse.reset_copy()
     if fresh.format == "fixed":
         fresh.native.commit(0, 0)
     return fresh
 
 
-def notch_numbers(file: RigFile) -> dict[str, float]:
+def notch_parameters(file: RigFile) -> dict[str, float]:
     """Return frequency, damping and width of the notch filter: those of the resonance if left out."""
     control, flexure = file.displacement, file.flexure
     return {
@@ -129,9 +134,9 @@ def notch_numbers(file: RigFile) -> dict[str, float]:
     }
 
 
-def notch_of(file: RigFile) -> FloatArray:
+def make_notch(file: RigFile) -> FloatArray:
     """Return the notch filter in the feedback."""
-    rate, (frequency, damping, width) = file.timing.rate_Hz, notch_numbers(file).values()
+    rate, (frequency, damping, width) = file.timing.rate_Hz, notch_parameters(file).values()
     if frequency >= 0.5 * rate:
         raise InputError(
             f"timing.rate_Hz: {rate:g} ticks a second are too few for a notch filter at "
@@ -142,12 +147,12 @@ def notch_of(file: RigFile) -> FloatArray:
     return notch(frequency, damping, width, 1.0 / rate)
 
 
-def controller_numbers(rig: PiezoRig, inverse: ForceController) -> ControllerNumbers:
+def controller_arguments(rig: PiezoRig, inverse: ForceController) -> PiezoControllerArguments:
     """Return the controller of a stage behind what makes voltages of displacements."""
     settings, coded = rig.settings, inverse.format == "fixed"
     bandwidth = 2.0 * np.pi * settings.displacement.bandwidth_Hz
     return {
-        "filters": [notch_of(settings)],
+        "filters": [make_notch(settings)],
         "pid": integrator(bandwidth * rig.dt),
         "settings": {
             "demand_full": inverse.scales.demand if coded else 1.0,
@@ -162,13 +167,13 @@ def controller_numbers(rig: PiezoRig, inverse: ForceController) -> ControllerNum
     }
 
 
-def triangle(phase: FloatArray) -> FloatArray:
+def triangle_wave(phase: FloatArray) -> FloatArray:
     """Return what a triangle is at its phase, in periods: 0 at whole ones, 1 in between."""
     wave: FloatArray = 1.0 - np.abs(1.0 - 2.0 * (phase % 1.0))
     return wave
 
 
-def rounded(path: FloatArray, width: int) -> FloatArray:
+def round_corners(path: FloatArray, width: int) -> FloatArray:
     """Return a path with its corners rounded over so many ticks, all but the first of which it has.
 
     Twice the mean over half of it: what the resonance answers to is gone at whole periods.
@@ -177,9 +182,9 @@ def rounded(path: FloatArray, width: int) -> FloatArray:
     return np.asarray(np.convolve(np.convolve(path, half), half)[width : len(path)])
 
 
-def piezo_loss(rig: PiezoRig, error: FloatArray, correction: FloatArray) -> Loss | None:
+def find_piezo_loss(rig: PiezoRig, error: FloatArray, correction: FloatArray) -> Loss | None:
     """Return where the loop was lost, by the deviation and by what the feedback asks for, m."""
-    stroke = rig.settings.moved.stroke_m
+    stroke = rig.settings.displacement_case.stroke_m
     bounds = (
         SignalBound("the deviation was the whole stroke", error, -stroke, stroke),
         SignalBound("the feedback asked for more than the stroke", correction, -stroke, stroke),

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from anhyst._core import Magnet, Plant
-from anhyst.support.numeric import passed
+from anhyst.support.numeric import first_order_share
 from anhyst_rigs.rig.body import BodyRig
 
-STOP_RESONANCE = 1600.0
+STOP_RESONANCE_HZ = 1600.0
 """Of the mass on an end stop, Hz; half of critical damping while it touches."""
 
-CURRENT_RESET = 0.1
+INTEGRAL_CORNER_RATIO = 0.1
 """Corner of the integral of a current controller, as a part of its bandwidth."""
 
-DIGITAL_CROSSOVER = 0.4
+CROSSOVER_DELAY_PHASE_RAD = 0.4
 """Of a current controller that computes, times its delay, rad."""
 
 ON_FRAME, ON_BODY, ON_GROUND = range(3)
@@ -27,20 +27,20 @@ ON_FRAME, ON_BODY, ON_GROUND = range(3)
 
 
 def make_plant(
-    rig: BodyRig, seed: int, *magnets: Magnet, numbers: PlantNumbers | None = None
+    rig: BodyRig, seed: int, *magnets: Magnet, parameters: PlantParameters | None = None
 ) -> Plant:
     """Return the plant of a rig, at rest on the stop of the largest gap; its numbers may be others.
 
     Where fewer magnets are given than it has, all others are like the first.
     """
     own = magnets or (rig.magnet,)
-    numbers = numbers or plant_numbers(rig)
+    parameters = parameters or plant_parameters(rig)
     return Plant(
-        numbers.body,
-        numbers.actuators,
-        numbers.heads,
-        numbers.load,
-        (*own, *(own[0] for _ in numbers.actuators[len(own) :])),
+        parameters.body,
+        parameters.actuators,
+        parameters.heads,
+        parameters.load,
+        (*own, *(own[0] for _ in parameters.actuators[len(own) :])),
         noise_seed(rig, seed),
     )
 
@@ -51,7 +51,7 @@ def noise_seed(rig: BodyRig, seed: int) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class PlantNumbers:
+class PlantParameters:
     """All of a plant but its irons, by the names of ``plant/include/anhyst_plant/body.h``."""
 
     body: dict[str, Any]
@@ -60,9 +60,9 @@ class PlantNumbers:
     load: dict[str, Any]
 
 
-def plant_numbers(rig: BodyRig) -> PlantNumbers:
+def plant_parameters(rig: BodyRig) -> PlantParameters:
     """Return the numbers of a plant: heads are the gap sensors and then the position sensors."""
-    file, sensors, lines = rig.settings, _sensors(rig), rig.lines
+    file, sensors, lines = rig.settings, _sensors(rig), rig.lines_of_action
     actuators = [
         {
             "line": line,
@@ -82,19 +82,22 @@ def plant_numbers(rig: BodyRig) -> PlantNumbers:
         {
             "line": line,
             "zero": 0.0,
-            "sensor": _bare((-1.0, 1.0), sensor.noise_m)
-            | {"gain": 1.0 + sensor.air, "offset": sensor.air * sensor.dead_path_m},
+            "sensor": _ideal_sensor((-1.0, 1.0), sensor.noise_m)
+            | {
+                "gain": 1.0 + sensor.beam_gain_error,
+                "offset": sensor.beam_gain_error * sensor.dead_path_m,
+            },
             "base": ON_GROUND if sensor.stands else ON_BODY,
         }
         for line, sensor in lines.heads
     ]
     body = _body(rig, sensors["force"])
-    return PlantNumbers(body, actuators, gap_heads + position_heads, _load(rig))
+    return PlantParameters(body, actuators, gap_heads + position_heads, _load(rig))
 
 
 def _coordinates(rig: BodyRig) -> list[dict[str, float]]:
     """Return the coordinates in which a body is free, with their end stops."""
-    body, omega = rig.settings.body, 2.0 * math.pi * STOP_RESONANCE
+    body, omega = rig.settings.body, 2.0 * math.pi * STOP_RESONANCE_HZ
     moved = [*[body.mass_kg] * 3, *(body.inertia_kg_m2 or [0.0, 0.0, 0.0])]
     return [
         {
@@ -106,13 +109,13 @@ def _coordinates(rig: BodyRig) -> list[dict[str, float]]:
             "stop_stiffness": moved[one.axis] * (omega * omega),
             "stop_damping": moved[one.axis] * omega,
         }
-        for one in rig.lines.coordinates
+        for one in rig.lines_of_action.coordinates
     ]
 
 
-def current_loops(rig: BodyRig) -> list[dict[str, float]]:
+def current_controllers(rig: BodyRig) -> list[dict[str, float]]:
     """Return the digital current controllers that stand before amplifiers of voltage."""
-    gain, reset = current_gains(rig)
+    gain, reset = current_controller_gains(rig)
     loop = {
         "resistance": rig.settings.magnet.poles.resistance,
         "gain": gain if rig.settings.amplifier.mode == "voltage" else 0.0,
@@ -122,7 +125,7 @@ def current_loops(rig: BodyRig) -> list[dict[str, float]]:
     return [loop] * len(rig.settings.magnets)
 
 
-def current_gains(rig: BodyRig) -> tuple[float, float]:
+def current_controller_gains(rig: BodyRig) -> tuple[float, float]:
     """Return gain, V/A, and integral, V/(A s), of the current controller.
 
     An analogue one has the bandwidth of the amplifier. A digital one, before an amplifier of
@@ -131,22 +134,22 @@ def current_gains(rig: BodyRig) -> tuple[float, float]:
     settings = rig.settings
     omega = 2.0 * math.pi * settings.amplifier.bandwidth_Hz
     if settings.amplifier.mode == "voltage":
-        late = rig.late + settings.amplifier.delay_s
-        omega = min(omega, DIGITAL_CROSSOVER / late)
+        late = rig.loop_delay + settings.amplifier.delay_s
+        omega = min(omega, CROSSOVER_DELAY_PHASE_RAD / late)
     gain = omega * settings.magnet.poles.inductance(settings.gap_m)
-    return gain, CURRENT_RESET * omega * gain
+    return gain, INTEGRAL_CORNER_RATIO * omega * gain
 
 
 def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
     file, body, timing = rig.settings, rig.settings.body, rig.settings.timing
-    late = timing.delay_ticks * timing.substeps + file.amplifier.delay_s / rig.step
+    late = timing.delay_ticks * timing.substeps + file.amplifier.delay_s / rig.substep
     return {
         "coordinate": _coordinates(rig),
         "mass": body.mass_kg,
         "centre": body.centre_m,
         "inertia": np.diag(body.inertia_kg_m2 or [0.0, 0.0, 0.0]).tolist(),
-        "gravity": rig.lines.gravity,
-        "force_along": rig.lines.force_along,
+        "gravity": rig.lines_of_action.gravity,
+        "force_along": rig.lines_of_action.force_along,
         "force_sensor": force_sensor,
         "cable": {
             "at": body.cable_m,
@@ -161,7 +164,7 @@ def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
 
 def _amplifier(rig: BodyRig) -> dict[str, float]:
     amplifier = rig.settings.amplifier
-    gain, reset = current_gains(rig)
+    gain, reset = current_controller_gains(rig)
     by_current = amplifier.mode == "current"
     low = amplifier.current_low_A if by_current else -amplifier.supply
     high = amplifier.current_high_A if by_current else amplifier.supply
@@ -178,13 +181,13 @@ def _amplifier(rig: BodyRig) -> dict[str, float]:
 def _load(rig: BodyRig) -> dict[str, Any]:
     load = rig.settings.load
     return {
-        "line": rig.lines.load,
-        "share": _share(load.bandwidth_Hz, rig.step),
+        "line": rig.lines_of_action.load,
+        "share": _low_pass_share(load.bandwidth_Hz, rig.substep),
         "damping": load.damping_N_s_per_m,
         "stiffness": load.stiffness_N_per_m,
-        "rest": rig.lines.load_rest,
+        "rest": rig.lines_of_action.load_rest,
         "encoder_step": load.encoder_step_m,
-        "velocity_share": _share(load.velocity_bandwidth_Hz, rig.dt),
+        "velocity_share": _low_pass_share(load.velocity_bandwidth_Hz, rig.dt),
     }
 
 
@@ -192,19 +195,29 @@ def _sensors(rig: BodyRig) -> dict[str, Mapping[str, float]]:
     file = rig.settings
     tables = {"gap": file.gap_sensor, "current": file.current_sensor, "force": file.force_sensor}
     sensors: dict[str, Mapping[str, float]] = {
-        name: table.numbers(rig.step) for name, table in tables.items()
+        name: table.plant_parameters(rig.substep) for name, table in tables.items()
     }
     probe = file.hall_probe
-    return sensors | {"hall": _bare((0.0, 0.0), 0.0) if probe is None else probe.numbers(rig.step)}
+    return sensors | {
+        "hall": _ideal_sensor((0.0, 0.0), 0.0)
+        if probe is None
+        else probe.plant_parameters(rig.substep)
+    }
 
 
-def _bare(ends: tuple[float, float], noise: float) -> dict[str, float]:
+def _ideal_sensor(ends: tuple[float, float], noise: float) -> dict[str, float]:
     """Sensor without converter, lag and errors of gain or zero."""
     low, high = ends
-    rest = {"gain": 1.0, "share": passed(math.inf), "step": 0.0, "offset": 0.0, "delay": 0}
+    rest = {
+        "gain": 1.0,
+        "share": first_order_share(math.inf),
+        "step": 0.0,
+        "offset": 0.0,
+        "delay": 0,
+    }
     return {"low": low, "high": high, "noise": noise, **rest}
 
 
-def _share(bandwidth: float, seconds: float) -> float:
+def _low_pass_share(bandwidth: float, seconds: float) -> float:
     """Share of a step that a low-pass of first order passes in so many seconds."""
-    return passed(2.0 * math.pi * bandwidth * seconds)
+    return first_order_share(2.0 * math.pi * bandwidth * seconds)

@@ -15,14 +15,14 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Phase, State
 
-OUT_OF_PROPORTION = 10.0
+LOST_DEMAND_RATIO = 10.0
 """Demand of a loop that was lost, in parts of the largest that the rig file states."""
 
 
 class SignalBound(NamedTuple):
     """What a signal of a loop that holds stays within, and what it says when it does not."""
 
-    reached: str
+    reason: str
     values: FloatArray
     low: float
     high: float
@@ -35,38 +35,42 @@ class Loss(NamedTuple):
     reason: str
 
 
-CURRENTS = (("command", "A"), ("current", "A"))
+CURRENT_SIGNALS = (("command", "A"), ("current", "A"))
 
 
-def column(signal: str, unit: str, number: int = 1) -> str:
+def column_name(signal: str, unit: str, number: int = 1) -> str:
     """Return what a column is called: of the first magnet without a number, further ones with it."""
     return "_".join(part for part in (signal, f"{number}" if number > 1 else "", unit) if part)
 
 
-def of_magnets(signals: Sequence[tuple[str, str]], first: int, last: int) -> tuple[str, ...]:
+def magnet_columns(signals: Sequence[tuple[str, str]], first: int, last: int) -> tuple[str, ...]:
     """Return the columns of some signals, magnet by magnet."""
-    return tuple(column(*name, number) for number in range(first, last + 1) for name in signals)
+    return tuple(
+        column_name(*name, number) for number in range(first, last + 1) for name in signals
+    )
 
 
 COLUMNS: tuple[str, ...] = (
     *("t_s", "reference_m", "gap_m", "gap_read_m", "velocity_m_per_s", "demand_N", "force_N"),
     *("load_N", "command_A", "current_A", "current_read_A", "voltage_V", "flux_Wb"),
-    *("flux_density_T", *of_magnets(CURRENTS, 2, POSITION_MAGNETS), "state", "flags"),
+    *("flux_density_T", *magnet_columns(CURRENT_SIGNALS, 2, POSITION_MAGNETS), "state", "flags"),
 )
 """Of a magnet's body, the unit in the name; described in docs/simulate.md. A single magnet leaves the
 columns of others at zero."""
 
 
-def in_column(state: State, phase: Phase = Phase.REST) -> int:
+def state_code(state: State, phase: Phase = Phase.REST) -> int:
     """Return what the column ``state`` says of a state and a phase of the controller."""
     return 16 * state + phase
 
 
-READY, RUN, FAULT = (in_column(state) for state in (State.READY, State.RUN, State.FAULT))
+READY_CODE, RUN_CODE, FAULT_CODE = (
+    state_code(state) for state in (State.READY, State.RUN, State.FAULT)
+)
 """The least that the column says in each of these states; the phase comes on top."""
 
-BREAKAWAY, RISE, HOVER, DESCEND, SET_DOWN = (
-    in_column(State.RUN, phase)
+BREAKAWAY_CODE, RISE_CODE, HOVER_CODE, DESCEND_CODE, SET_DOWN_CODE = (
+    state_code(State.RUN, phase)
     for phase in (Phase.BREAKAWAY, Phase.RISE, Phase.HOVER, Phase.DESCEND, Phase.SET_DOWN)
 )
 """On its rest while the force rises; under control on its way, there, and down; let go."""
@@ -80,14 +84,14 @@ class Recording:
     loss: Loss | None = None  # where the loop was lost, if that was looked for
 
     @classmethod
-    def of_table(cls, table: FloatArray, names: Iterable[str] = COLUMNS) -> Self:
+    def from_table(cls, table: FloatArray, names: Iterable[str] = COLUMNS) -> Self:
         """Take columns by their order, shape (ticks, columns)."""
         return cls(dict(zip(names, table.T, strict=True)))
 
     @classmethod
-    def joined(cls, parts: Sequence[Recording]) -> Self:
+    def concatenate(cls, parts: Sequence[Recording]) -> Self:
         """Put recordings with the same columns behind each other."""
-        return cls.of_table(np.concatenate([part.table for part in parts]), parts[0].columns)
+        return cls.from_table(np.concatenate([part.table for part in parts]), parts[0].columns)
 
     def __getitem__(self, header: str) -> FloatArray:
         return self.columns[header]
@@ -107,17 +111,17 @@ class Recording:
         return float(time[1] - time[0])
 
     @property
-    def lost(self) -> str:
+    def loss_text(self) -> str:
         """When the loop was lost, and how; empty where it held."""
         loss = self.loss
         return "" if loss is None else f"at {self.dt * loss.tick:.4f} s, {loss.reason}"
 
-    def only(self, names: Iterable[str]) -> Recording:
+    def select_columns(self, names: Iterable[str]) -> Recording:
         """Return some columns in an order; zeros for those that it does not have."""
         none = np.zeros(len(self))
         return Recording({name: self.columns.get(name, none) for name in names})
 
-    def part(self, begin: int, end: int) -> Recording:
+    def slice_ticks(self, begin: int, end: int) -> Recording:
         """Return the rows from one tick up to another."""
         return Recording({name: values[begin:end] for name, values in self.columns.items()})
 
@@ -128,12 +132,12 @@ class Recording:
         return Path(path)
 
 
-def peak(deviation: FloatArray) -> float:
+def peak_deviation(deviation: FloatArray) -> float:
     """Return the largest size of a deviation."""
     return float(np.abs(deviation).max())
 
 
-def moving(deviation: FloatArray, ticks: int) -> tuple[FloatArray, FloatArray]:
+def moving_statistics(deviation: FloatArray, ticks: int) -> tuple[FloatArray, FloatArray]:
     """Return mean and standard deviation over every window of so many ticks."""
     sums = np.cumsum(np.concatenate([[0.0], deviation]))
     squares = np.cumsum(np.concatenate([[0.0], deviation**2]))
@@ -142,7 +146,7 @@ def moving(deviation: FloatArray, ticks: int) -> tuple[FloatArray, FloatArray]:
     return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
 
-def settled_from(deviation: FloatArray, band: float) -> int:
+def settling_tick(deviation: FloatArray, band: float) -> int:
     """Return the tick from which on a deviation stays within a band; its length if it never does."""
     outside = np.flatnonzero(np.abs(deviation) > band)
     return int(outside[-1]) + 1 if outside.size else 0
@@ -156,7 +160,7 @@ def find_loss(bounds: Sequence[SignalBound], planned: int) -> Loss | None:
         if not within.all():
             tick = int(np.argmin(within))
             finite = np.isfinite(bound.values[tick])
-            losses.append(Loss(tick, bound.reached if finite else "a value was not finite"))
+            losses.append(Loss(tick, bound.reason if finite else "a value was not finite"))
         if len(within) < planned:
             losses.append(Loss(len(within), "the simulation lost all bounds"))
     return min(losses, key=lambda loss: loss.tick, default=None)

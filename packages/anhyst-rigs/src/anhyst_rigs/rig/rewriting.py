@@ -7,10 +7,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from anhyst.support.atomic import PathLike, atomic_writer, check_writable, seen_from
+from anhyst.support.atomic import PathLike, atomic_writer, check_writable, relative_path
 from anhyst.support.toml_file import TomlFile
-from anhyst.support.toml_text import Path as KeyPath
-from anhyst.support.toml_text import parts_of, toml_key, toml_value, with_comment
+from anhyst.support.toml_text import KeyPath, split_comment, toml_key, toml_value, with_comment
 from anhyst_rigs.rig.file import RigFile
 
 
@@ -23,21 +22,21 @@ def rewrite_rig(source: PathLike, out: PathLike, changes: Mapping[KeyPath, Any],
     file = TomlFile(source)
     text = file.text.splitlines()
     last = {line: key for key, line in file.lines.items()}  # on a line with an inline table
-    notes = {key: parts_of(text[line - 1]) for line, key in last.items()}
-    head = [line for line in _head(text) if line.startswith("#")]
-    values = {**_moved(file, Path(source), Path(out)), **changes}
+    notes = {key: split_comment(text[line - 1]) for line, key in last.items()}
+    head = [line for line in _head_comments(text) if line.startswith("#")]
+    values = {**_relocated_paths(file, Path(source), Path(out)), **changes}
     for path, value in values.items():
         file.content[str(path[0])][str(path[1])] = value
     head = [*(f"# {line}".rstrip() for line in [*note.splitlines(), ""] if note), *head]
     with atomic_writer(out) as stream:
-        stream.write("\n".join([*head, *_lines(file.content, notes)]) + "\n")
+        stream.write("\n".join([*head, *_toml_lines(file.content, notes)]) + "\n")
 
 
-def _moved(file: TomlFile, source: Path, out: Path) -> dict[KeyPath, Any]:
+def _relocated_paths(file: TomlFile, source: Path, out: Path) -> dict[KeyPath, Any]:
     """Return the keys that name files, as seen from where a rig file goes."""
 
     def seen(name: str) -> str:
-        return seen_from(out.parent, source.parent / name)
+        return relative_path(out.parent, source.parent / name)
 
     paths: dict[KeyPath, Any] = {}
     for path in (("loops", "files"), ("loops", "sidecar"), ("control", "calibration")):
@@ -47,56 +46,60 @@ def _moved(file: TomlFile, source: Path, out: Path) -> dict[KeyPath, Any]:
     return paths
 
 
-def _head(text: list[str]) -> Iterator[str]:
+def _head_comments(text: list[str]) -> Iterator[str]:
     for line in text:
         if line.strip() and not line.startswith("#"):
             return
         yield line
 
 
-def _lines(content: Mapping[str, Any], notes: Mapping[KeyPath, tuple[str, str]]) -> Iterator[str]:
+def _toml_lines(
+    content: Mapping[str, Any], notes: Mapping[KeyPath, tuple[str, str]]
+) -> Iterator[str]:
     order = [field.alias or name for name, field in RigFile.model_fields.items()]
     keys = sorted(content, key=lambda key: order.index(key) if key in order else len(order))
     for key in keys:
         if not _is_table(content[key]):
-            yield from _entry((key,), content[key], notes)
+            yield from _entry_lines((key,), content[key], notes)
     for key in keys:
         value = content[key]
         if isinstance(value, Mapping):
-            yield from _table(f"[{key}]", (key,), value, notes)
+            yield from _table_lines(f"[{key}]", (key,), value, notes)
         elif _is_table(value):
             for number, table in enumerate(value):
-                yield from _table(f"[[{key}]]", (key, number), table, notes)
+                yield from _table_lines(f"[[{key}]]", (key, number), table, notes)
 
 
-def _table(
+def _table_lines(
     title: str, path: KeyPath, table: Mapping[str, Any], notes: Mapping[KeyPath, tuple[str, str]]
 ) -> Iterator[str]:
     yield ""
-    yield _noted(title, notes.get(path, ("", ""))[1])
+    yield _with_note(title, notes.get(path, ("", ""))[1])
     first = [key for key in ("name", "of", "kind", "mode") if key in table]
     listed = [key for key in table if (*path, key, 0) in notes]
     for key in [*first, *(key for key in table if key not in (*first, *listed))]:
-        yield from _entry((*path, key), table[key], notes)
+        yield from _entry_lines((*path, key), table[key], notes)
     for key in listed:
         for number, row in enumerate(table[key]):
             inner = f"[[{title.strip('[]')}.{key}]]"
-            yield from _table(inner, (*path, key, number), row, notes)
+            yield from _table_lines(inner, (*path, key, number), row, notes)
 
 
-def _entry(path: KeyPath, value: Any, notes: Mapping[KeyPath, tuple[str, str]]) -> Iterator[str]:
+def _entry_lines(
+    path: KeyPath, value: Any, notes: Mapping[KeyPath, tuple[str, str]]
+) -> Iterator[str]:
     before, note = notes.get(path, ("", ""))
     key = toml_key(str(path[-1]))
     if _is_table(value):
-        yield _noted(f"{key} = [", note)
+        yield _with_note(f"{key} = [", note)
         yield from (f"  {toml_value(row)}," for row in value)
         yield "]"
     else:
         same = bool(before) and tomllib.loads(f"x = {before}")["x"] == value
-        yield _noted(f"{key} = {before if same else toml_value(value)}", note)
+        yield _with_note(f"{key} = {before if same else toml_value(value)}", note)
 
 
-def _noted(text: str, note: str) -> str:
+def _with_note(text: str, note: str) -> str:
     return with_comment(text, note) if note else text
 
 

@@ -16,28 +16,28 @@ from pydantic import Field, Tag, model_validator
 
 from anhyst._core import Sensor
 from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray, passed
+from anhyst.support.numeric import FloatArray, first_order_share
 from anhyst.support.toml_file import (
-    BRANCH,
+    BRANCH_PREFIX,
     Bits,
     NotNegative,
     Number,
     Positive,
     Table,
+    check_order,
     discriminate_by,
-    ordered,
 )
 from anhyst_rigs.rig.magnet_table import Direction, Place
 
 GainError = Annotated[float, Field(gt=-0.5, lt=0.5)]
 
 
-class ConvertedTable(Table):
+class DigitisedSensorTable(Table):
     """A sensor with a converter, which the plant computes."""
 
     adc_bits: Bits | None = None
 
-    def numbers(self, seconds: float) -> dict[str, float]:
+    def plant_parameters(self, seconds: float) -> dict[str, float]:
         """Return the fields of ``anhyst_plant_sensor``, in steps of so many seconds.
 
         A key of the file is that of the record, with its unit.
@@ -53,22 +53,22 @@ class ConvertedTable(Table):
         return {
             "offset": 0.0,
             **given,
-            "share": passed(low_pass * seconds),
+            "share": first_order_share(low_pass * seconds),
             "delay": round(delay / seconds),
         }
 
 
-POSITION_SENSORS: Mapping[str, Mapping[str, float]] = {
+GAP_SENSOR_DEFAULTS: Mapping[str, Mapping[str, float]] = {
     "encoder": {"step_m": 50e-9, "noise_m": 5e-9, "bandwidth_Hz": 20e3, "delay_s": 0.0},
     "capacitive": {"step_m": 1e-9, "noise_m": 5e-9, "bandwidth_Hz": 5e3, "delay_s": 0.0},
     "laser": {"step_m": 1.25e-9, "noise_m": 1e-9, "bandwidth_Hz": 50e3, "delay_s": 12.5e-6},
     "lvdt": {"adc_bits": 16, "noise_m": 50e-9, "bandwidth_Hz": 500.0, "delay_s": 0.0},
 }
 """What each kind of sensor of the gap has where the file says nothing."""
-_RESOLUTION = {"step_m", "adc_bits"}
+_RESOLUTION_KEYS = {"step_m", "adc_bits"}
 
 
-class GapSensorTable(ConvertedTable):
+class GapSensorTable(DigitisedSensorTable):
     """``of = "gap"``: what is left out, the kind of sensor says."""
 
     of: Literal["gap"]
@@ -83,26 +83,26 @@ class GapSensorTable(ConvertedTable):
     offset_m: Number = 0.0
 
     @model_validator(mode="after")
-    def _whole(self) -> Self:
-        ordered("low_m", self.low_m, "high_m", self.high_m)
+    def _apply_defaults(self) -> Self:
+        check_order("low_m", self.low_m, "high_m", self.high_m)
         if self.step_m is not None and self.adc_bits is not None:
             raise InputError(
                 "step_m and adc_bits both say the resolution; keep one", code="both-given"
             )
-        left_out = {*POSITION_SENSORS[self.kind]} - self.model_fields_set
+        left_out = {*GAP_SENSOR_DEFAULTS[self.kind]} - self.model_fields_set
         if self.step_m is not None or self.adc_bits is not None:
-            left_out -= _RESOLUTION
+            left_out -= _RESOLUTION_KEYS
         # Not as an assignment: the file has not set them.
-        self.__dict__.update({key: POSITION_SENSORS[self.kind][key] for key in left_out})
+        self.__dict__.update({key: GAP_SENSOR_DEFAULTS[self.kind][key] for key in left_out})
         return self
 
     @property
-    def step(self) -> float:
+    def resolution(self) -> float:
         """Its resolution, m."""
-        return self.numbers(1.0)["step"]
+        return self.plant_parameters(1.0)["step"]
 
 
-class CurrentSensorTable(ConvertedTable):
+class CurrentSensorTable(DigitisedSensorTable):
     """``of = "current"``: the shunts, one for each coil, as the controller reads them."""
 
     of: Literal["current"]
@@ -116,11 +116,11 @@ class CurrentSensorTable(ConvertedTable):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        ordered("low_A", self.low_A, "high_A", self.high_A)
+        check_order("low_A", self.low_A, "high_A", self.high_A)
         return self
 
 
-class ForceSensorTable(ConvertedTable):
+class ForceSensorTable(DigitisedSensorTable):
     """``of = "force"``: measures the loops; a position controller does not see it."""
 
     of: Literal["force"]
@@ -132,11 +132,11 @@ class ForceSensorTable(ConvertedTable):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        ordered("low_N", self.low_N, "high_N", self.high_N)
+        check_order("low_N", self.low_N, "high_N", self.high_N)
         return self
 
 
-class FluxSensorTable(ConvertedTable):
+class FluxSensorTable(DigitisedSensorTable):
     """``of = "flux"``: Hall probes, which measure the flux density in the gap."""
 
     of: Literal["flux"]
@@ -161,12 +161,12 @@ class PositionSensorTable(Table):
     refraction_ppm: Number = 0.0  # by which air has changed since the head was zeroed
 
     @property
-    def air(self) -> float:
+    def beam_gain_error(self) -> float:
         """By what part of the length of its beam it reads too much."""
         return 1e-6 * self.refraction_ppm
 
     @model_validator(mode="after")
-    def _of_a_beam(self) -> Self:
+    def _check_beam_keys(self) -> Self:
         if not self.stands and (self.dead_path_m or self.refraction_ppm):
             raise InputError(
                 "dead_path_m and refraction_ppm are of a beam from the ground; add stands = true, "
@@ -177,11 +177,11 @@ class PositionSensorTable(Table):
 
 
 SensorEntry = Annotated[
-    Annotated[GapSensorTable, Tag(f"{BRANCH}gap")]
-    | Annotated[CurrentSensorTable, Tag(f"{BRANCH}current")]
-    | Annotated[ForceSensorTable, Tag(f"{BRANCH}force")]
-    | Annotated[FluxSensorTable, Tag(f"{BRANCH}flux")]
-    | Annotated[PositionSensorTable, Tag(f"{BRANCH}position")],
+    Annotated[GapSensorTable, Tag(f"{BRANCH_PREFIX}gap")]
+    | Annotated[CurrentSensorTable, Tag(f"{BRANCH_PREFIX}current")]
+    | Annotated[ForceSensorTable, Tag(f"{BRANCH_PREFIX}force")]
+    | Annotated[FluxSensorTable, Tag(f"{BRANCH_PREFIX}flux")]
+    | Annotated[PositionSensorTable, Tag(f"{BRANCH_PREFIX}position")],
     discriminate_by("of", "gap", "current", "force", "flux", "position"),
 ]
 

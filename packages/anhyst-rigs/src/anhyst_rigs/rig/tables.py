@@ -13,14 +13,14 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.toml_file import (
-    BRANCH,
+    BRANCH_PREFIX,
     Bits,
     NotNegative,
     Number,
     Positive,
     Table,
+    check_order,
     discriminate_by,
-    ordered,
 )
 from anhyst_rigs.rig.magnet_table import ORIGIN, Place
 
@@ -36,7 +36,7 @@ class TimingTable(Table):
     delay_ticks: Annotated[float, Field(ge=0.0, le=8.0)] = 1.0
 
     @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _check_delay(self) -> Self:
         steps = self.delay_ticks * self.substeps
         if abs(steps - round(steps)) > 1e-9:
             raise InputError(
@@ -61,7 +61,7 @@ class AmplifierTable(Table):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        ordered("current_low_A", self.current_low_A, "current_high_A", self.current_high_A)
+        check_order("current_low_A", self.current_low_A, "current_high_A", self.current_high_A)
         return self
 
     @property
@@ -87,13 +87,13 @@ class StackAmplifierTable(Table):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        ordered("low_V", self.low_V, "high_V", self.high_V)
+        check_order("low_V", self.low_V, "high_V", self.high_V)
         return self
 
 
 AmplifierEntry = Annotated[
-    Annotated[AmplifierTable, Tag(f"{BRANCH}current")]
-    | Annotated[StackAmplifierTable, Tag(f"{BRANCH}stack")],
+    Annotated[AmplifierTable, Tag(f"{BRANCH_PREFIX}current")]
+    | Annotated[StackAmplifierTable, Tag(f"{BRANCH_PREFIX}stack")],
     discriminate_by("mode", "current", "voltage", "stack", default="current", voltage="current"),
 ]
 
@@ -124,7 +124,7 @@ class BodyTable(Table):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        ordered("stop_low_m", self.stop_low_m, "stop_high_m", self.stop_high_m)
+        check_order("stop_low_m", self.stop_low_m, "stop_high_m", self.stop_high_m)
         if self.free != [axis for axis in AXES if axis in self.free]:
             raise InputError(f"free names some of {list(AXES)}, in this order", code="wrong-order")
         if {*AXES[3:]} & {*self.free} and self.inertia_kg_m2 is None:
@@ -146,19 +146,20 @@ class FlexureTable(Table):
 
 
 BodyEntry = Annotated[
-    Annotated[BodyTable, Tag(f"{BRANCH}body")] | Annotated[FlexureTable, Tag(f"{BRANCH}flexure")],
+    Annotated[BodyTable, Tag(f"{BRANCH_PREFIX}body")]
+    | Annotated[FlexureTable, Tag(f"{BRANCH_PREFIX}flexure")],
     Discriminator(
         lambda value: (
-            f"{BRANCH}flexure"
+            f"{BRANCH_PREFIX}flexure"
             if isinstance(value, FlexureTable)
             or (isinstance(value, dict) and "resonance_Hz" in value)
-            else f"{BRANCH}body"
+            else f"{BRANCH_PREFIX}body"
         )
     ),
 ]
 
 
-CREEPS = 8
+MAX_CREEP_TERMS = 8
 """Most terms of the creep of a stack, as the plant has room for."""
 
 
@@ -174,15 +175,15 @@ class StackTable(Table):
     creep_shares: list[NotNegative]
 
     @model_validator(mode="after")
-    def _alike(self) -> Self:
+    def _check_lengths(self) -> Self:
         if len(self.creep_times_s) != len(self.creep_shares):
             raise InputError(
                 "creep_shares must hold one share for each of creep_times_s", code="length-differs"
             )
-        if len(self.creep_times_s) > CREEPS:
+        if len(self.creep_times_s) > MAX_CREEP_TERMS:
             raise InputError(
                 f"creep_times_s holds {len(self.creep_times_s)} times; a stack creeps in at most "
-                f"{CREEPS}, leave the smallest shares out",
+                f"{MAX_CREEP_TERMS}, leave the smallest shares out",
                 code="too-many-creeps",
             )
         return self
@@ -197,7 +198,7 @@ class DisturbanceTable(Table):
     start_s: NotNegative = 0.0
 
     @model_validator(mode="after")
-    def _complete(self) -> Self:
+    def _check_frequency(self) -> Self:
         if self.kind == "step" and self.frequency_Hz is not None:
             raise InputError("a step has no frequency_Hz; remove it", code="not-for-a-step")
         if self.kind != "step" and self.frequency_Hz is None:
@@ -250,7 +251,7 @@ class SpreadTable(Table):
     resonance_percent: Spread = 3.0
 
 
-_OF_IRON = {
+_IRON_SPREADS = {
     "pinning": "pinning_percent",
     "reversible": "reversible_percent",
     "saturation": "saturation_percent",
@@ -261,21 +262,21 @@ _OF_IRON = {
 class Spreads:
     """What the plants of a kind of rig differ in: names of a drift, and their keys of ``[spread]``."""
 
-    whole: Mapping[str, str]
+    rig_wide: Mapping[str, str]
     magnet: Mapping[str, str] = field(default_factory=dict)  # of each magnet by itself
     head: Mapping[str, str] = field(default_factory=dict)  # of each position head by itself
 
     @property
     def keys(self) -> list[str]:
         """The keys of ``[spread]`` that a rig file may give."""
-        values = (*self.whole.values(), *self.magnet.values(), *self.head.values())
+        values = (*self.rig_wide.values(), *self.magnet.values(), *self.head.values())
         return list(dict.fromkeys(values))
 
 
 SPREADS: Mapping[str, Spreads] = {
     "levitation": Spreads(
         {
-            **_OF_IRON,
+            **_IRON_SPREADS,
             "mass": "mass_percent",
             "resistance": "resistance_percent",
             "position_gain": "sensor_gain_percent",
@@ -300,7 +301,9 @@ SPREADS: Mapping[str, Spreads] = {
         },
         head={f"place_{axis}": "head_m" for axis in "xyz"},
     ),
-    "force": Spreads({**_OF_IRON, "gap_offset": "gap_zero_m", "first_scale": "current_percent"}),
+    "force": Spreads(
+        {**_IRON_SPREADS, "gap_offset": "gap_zero_m", "first_scale": "current_percent"}
+    ),
     "displacement": Spreads(
         {"stroke": "stroke_percent", "creep": "creep_percent", "resonance": "resonance_percent"}
     ),
@@ -361,9 +364,9 @@ class DisplacementTable(Table):
 
 
 ControlEntry = Annotated[
-    Annotated[LevitationTable, Tag(f"{BRANCH}levitation")]
-    | Annotated[TrackingTable, Tag(f"{BRANCH}tracking")]
-    | Annotated[ForceTable, Tag(f"{BRANCH}force")]
-    | Annotated[DisplacementTable, Tag(f"{BRANCH}displacement")],
+    Annotated[LevitationTable, Tag(f"{BRANCH_PREFIX}levitation")]
+    | Annotated[TrackingTable, Tag(f"{BRANCH_PREFIX}tracking")]
+    | Annotated[ForceTable, Tag(f"{BRANCH_PREFIX}force")]
+    | Annotated[DisplacementTable, Tag(f"{BRANCH_PREFIX}displacement")],
     discriminate_by("kind", "levitation", "tracking", "force", "displacement"),
 ]

@@ -23,11 +23,11 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.model.actuator import Model, read_model
 from anhyst.support.atomic import PathLike, cache_folder, core_folder
 from anhyst.support.block_words import Scales
+from anhyst.support.cache import code_digest, load_cached, pickle_with_digest, remove_oldest
 from anhyst.support.errors import InputError
-from anhyst.support.jobs import Progress, all_of, in_parts
-from anhyst.support.kept import computed_with, forget, load, sealed
-from anhyst.support.kinds import COMPILED, MethodName, capability, refuse_other
-from anhyst.support.toml_file import take_rig
+from anhyst.support.jobs import Progress, map_ordered, split_progress
+from anhyst.support.kinds import COMPILED_FOLDER, MethodName, require_capability, require_kind
+from anhyst.support.toml_file import require_rig
 from anhyst_rigs.link.firmware import firmware_folder
 from anhyst_rigs.link.xcp import XcpMaster
 from anhyst_rigs.rig.bench.bearing import BearingBench
@@ -36,20 +36,20 @@ from anhyst_rigs.rig.bench.hardware import HardwareBench
 from anhyst_rigs.rig.bench.piezo import PiezoBench
 from anhyst_rigs.rig.bench.stage import StageBench
 from anhyst_rigs.rig.force.file import read_rig
-from anhyst_rigs.rig.force.programs import find_model, loops_of_rig
+from anhyst_rigs.rig.force.programs import identify_force_model, read_rig_loops
 from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.piezo import read_piezo_rig
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
-from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
+from anhyst_rigs.rig.stage.setpoint import scan_motion
+from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 from anhyst_rigs.study.bearing.on_board import build_firmware
-from anhyst_rigs.study.bearing.ready import make_ready, read_files
 from anhyst_rigs.study.excite.design import Specimen
-from anhyst_rigs.study.excite.excite import Excitation, Measuring
+from anhyst_rigs.study.excite.excite import Excitation, MeasureFunction
 from anhyst_rigs.study.excite.on_board import measure_on_board
 from anhyst_rigs.study.force_control import build_program
 from anhyst_rigs.study.piezo import find_inverses
-from anhyst_rigs.study.prepared import (
+from anhyst_rigs.study.prepared_benches import (
     Prepared,
     PreparedBearing,
     PreparedBoard,
@@ -57,7 +57,7 @@ from anhyst_rigs.study.prepared import (
     PreparedPiezo,
     PreparedStage,
 )
-from anhyst_rigs.study.tracking.simulate import OWN, check_calibration, find_gains
+from anhyst_rigs.study.tracking.simulate import COMPENSATOR, check_calibration, find_gains
 
 
 def open_bench(
@@ -65,7 +65,7 @@ def open_bench(
 ) -> BearingBench | ForceBench | StageBench | PiezoBench:
     """Open the virtual bench of a rig."""
     with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:  # a firmware runs on without it
-        parts = in_parts(progress, (2.0, 1.0))
+        parts = split_progress(progress, (2.0, 1.0))
         bench = prepare_bench(rig_path, controller_path, Path(folder), next(parts)).open()
     next(parts)(1, 1)
     return bench
@@ -77,7 +77,7 @@ def open_board(folder: PathLike, url: str) -> HardwareBench:
     return HardwareBench(lambda: XcpMaster(url), manifest)
 
 
-def address_of(xcp: str | None, port: str | None) -> str | None:
+def controller_url(xcp: str | None, port: str | None) -> str | None:
     """Return where a controller offers XCP, by TCP or on a serial port; None where neither is given."""
     if xcp is not None and port is not None:
         raise InputError(
@@ -88,7 +88,7 @@ def address_of(xcp: str | None, port: str | None) -> str | None:
     return port if xcp is None else f"socket://{xcp}"
 
 
-def through(folder: PathLike, url: str) -> Measuring:
+def measure_through_board(folder: PathLike, url: str) -> MeasureFunction:
     """Return what measures loops through a controller that runs by itself."""
 
     def measure(specimen: Specimen, progress: Progress | None) -> Excitation:
@@ -107,14 +107,14 @@ def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
             f"{folder}: is no fixed-point controller of force; compile one",
             code="not-a-compiled-folder",
         )
-    loops = loops_of_rig(rig)
+    loops = read_rig_loops(rig)
     signals, limits = manifest["signals"], manifest["limits"]
     gap = signals["gap"] or {"low": 0.0, "high": 0.0}
     kind: Kind = "simplified" if manifest["kind"] == "simplified" else "full"
     return PreparedBoard(
         complete_rig(rig, loops),
         loops,
-        _model_of(manifest, [Path(folder).resolve().parent, rig.path.resolve().parent]),
+        _find_model_file(manifest, [Path(folder).resolve().parent, rig.path.resolve().parent]),
         CompileRequest(kind, manifest["io"], float(manifest["rate_Hz"])),
         Scales(signals["demand"]["scale"], signals["current"]["scale"], gap["low"], gap["high"]),
         DemandLimits(tuple(limits["demand"]), tuple(limits["current"])),
@@ -123,7 +123,7 @@ def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
 
 def _manifest(folder: PathLike) -> dict[str, Any]:
     """Read the manifest of a compiled folder."""
-    refuse_other(folder, [COMPILED])
+    require_kind(folder, [COMPILED_FOLDER])
     path = Path(folder) / "manifest.json"
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
@@ -138,7 +138,7 @@ def _manifest(folder: PathLike) -> dict[str, Any]:
     return manifest
 
 
-def _model_of(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
+def _find_model_file(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
     """Find the model file that a folder was compiled from, by its checksum."""
     digest = manifest["model"]["sha256"]
     for path in (file for folder in folders for file in sorted(folder.glob("*.toml"))):
@@ -168,25 +168,25 @@ def prepare_bench(
     rig: PathLike, controller: PathLike | None, folder: Path, progress: Progress | None = None
 ) -> Prepared:
     """Compile and build all that the virtual bench of a rig needs."""
-    return _bench_of(rig, controller).prepare(rig, controller, folder, progress)
+    return _bench_kind(rig, controller).prepare(rig, controller, folder, progress)
 
 
-def _bench_of(rig: PathLike, controller: PathLike | None) -> HasBench:
+def _bench_kind(rig: PathLike, controller: PathLike | None) -> HasBench:
     """Return the record of the kind of a rig; refuse a controller file where it takes none."""
-    kind = take_rig(rig, "live")
+    kind = require_rig(rig, "live")
     kind.refuse_options("live", {"--controller": controller})
-    return capability(kind, HasBench)
+    return require_capability(kind, HasBench)
 
 
 def prepare_bearing(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedBearing:
     """Identify the magnet of a bearing, and build the firmware of its controller."""
-    parts = in_parts(progress, (1.0, 1.0))
+    parts = split_progress(progress, (1.0, 1.0))
     rig, controller = read_files(rig_path, controller_path)
-    ready = make_ready(rig, controller)
+    ready = check_inputs(rig, controller)
     next(parts)(1, 1)
-    known = ready.knowledge()
+    known = ready.identify_magnet()
     setup, firmware = build_firmware(ready.rig, controller, known, "library", folder)
     next(parts)(1, 1)
     return PreparedBearing(setup, known.model, firmware)
@@ -196,19 +196,23 @@ def prepare_force(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedForce:
     """Identify the actuator of a rig, and build the firmware that controls its force."""
-    parts = in_parts(progress, (1.0, 1.0))
+    parts = split_progress(progress, (1.0, 1.0))
     rig = read_rig(rig_path)
-    loops = loops_of_rig(rig)
+    loops = read_rig_loops(rig)
     rig = complete_rig(rig, loops)
     next(parts)(1, 1)
     program = build_program(
-        "full", find_model(rig, loops), rig.settings.timing.rate_Hz, "library", folder / "full"
+        "full",
+        identify_force_model(rig, loops),
+        rig.settings.timing.rate_Hz,
+        "library",
+        folder / "full",
     )
     next(parts)(1, 1)
     return PreparedForce(rig, loops, program)
 
 
-COMPARED: tuple[MethodName, MethodName] = ("single-valued", OWN)
+SWITCHED_METHODS: tuple[MethodName, MethodName] = ("single-valued", COMPENSATOR)
 """Between what a stage is switched while it runs."""
 
 
@@ -216,15 +220,15 @@ def prepare_stage(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedStage:
     """Identify the magnets of a stage, and find the gains of both methods."""
-    parts = in_parts(progress, (2.0, 1.0))
+    parts = split_progress(progress, (2.0, 1.0))
     rig = read_stage(rig_path)
     check_calibration(rig)
-    magnet = identify_stage(rig)
+    magnet = identify_stage_magnet(rig)
     next(parts)(1, 1)
-    setups = [make_stage(rig, magnet, method) for method in COMPARED]
+    setups = [make_stage(rig, magnet, method) for method in SWITCHED_METHODS]
     scan = rig.settings.scan
-    training = motion_of(scan, scan.train_m_per_s2)
-    gains = all_of(partial(find_gains, motion=training), setups, next(parts))
+    training = scan_motion(scan, scan.train_m_per_s2)
+    gains = map_ordered(partial(find_gains, motion=training), setups, next(parts))
     return PreparedStage(magnet, tuple(setups), tuple(gains))
 
 
@@ -237,20 +241,20 @@ def prepare_piezo(
     return PreparedPiezo(rig, (inverses["single-valued"], inverses["full"]))
 
 
-MOST = 20
+MAX_CACHED_BENCHES = 20
 """Benches that are kept; those not opened for longest go."""
-_FIRMWARE, _PICKLE = "firmware", "prepared.pickle"
+_FIRMWARE_FILE, _PICKLE_FILE = "firmware", "prepared.pickle"
 
 
 @contextmanager
-def prepared_once(
+def prepare_cached(
     rig_path: PathLike, controller_path: PathLike | None, progress: Progress | None = None
 ) -> Iterator[Prepared]:
     """Prepare a bench, or take what was prepared of the same files before."""
-    kind = _bench_of(rig_path, controller_path)
+    kind = _bench_kind(rig_path, controller_path)
     is_kept = kind.prepare.__module__.startswith("anhyst_rigs.")  # no key knows the code of others
-    place = cache_folder("benches") / _key(kind.files(rig_path, controller_path))
-    prepared_before = _load(place) if is_kept else None
+    place = cache_folder("benches") / _cache_key(kind.files(rig_path, controller_path))
+    prepared_before = _load_cached(place) if is_kept else None
     if prepared_before is not None:
         yield prepared_before
         return
@@ -258,44 +262,44 @@ def prepared_once(
         prepared = prepare_bench(rig_path, controller_path, Path(folder), progress)
         if is_kept:
             with suppress(OSError):
-                _keep(prepared, place)
+                _store(prepared, place)
         yield prepared
 
 
-def _load(folder: Path) -> Prepared | None:
+def _load_cached(folder: Path) -> Prepared | None:
     """Return what is kept at a place, if it is there, whole and one's own."""
-    prepared: Prepared | None = load(folder / _PICKLE)
+    prepared: Prepared | None = load_cached(folder / _PICKLE_FILE)
     if prepared is None:
         return None
     os.utime(folder)
-    return prepared.with_firmware(folder / _FIRMWARE) if prepared.firmware else prepared
+    return prepared.with_firmware(folder / _FIRMWARE_FILE) if prepared.firmware else prepared
 
 
-def _keep(prepared: Prepared, place: Path) -> None:
+def _store(prepared: Prepared, folder_path: Path) -> None:
     """Put a bench into the cache, whole or not at all."""
-    place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as draft:
+    folder_path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".", dir=folder_path.parent) as draft:
         folder = Path(draft) / "whole"
         folder.mkdir()
         if prepared.firmware is not None:
-            shutil.copy2(prepared.firmware, folder / _FIRMWARE)
-        (folder / _PICKLE).write_bytes(sealed(prepared))
-        shutil.rmtree(place, ignore_errors=True)  # one that could not be read
-        folder.rename(place)
-    forget(place.parent, MOST)
+            shutil.copy2(prepared.firmware, folder / _FIRMWARE_FILE)
+        (folder / _PICKLE_FILE).write_bytes(pickle_with_digest(prepared))
+        shutil.rmtree(folder_path, ignore_errors=True)  # one that could not be read
+        folder.rename(folder_path)
+    remove_oldest(folder_path.parent, MAX_CACHED_BENCHES)
 
 
-def _key(files: Sequence[Path]) -> str:
+def _cache_key(files: Sequence[Path]) -> str:
     """Return a name for all that goes into a bench."""
-    digest = hashlib.sha256(computed_with())
-    for path in [*files, *_sources()]:
+    digest = hashlib.sha256(code_digest())
+    for path in [*files, *_source_files()]:
         digest.update(f"\0{path}\0{path.resolve()}\0".encode())
         with suppress(OSError):  # whoever reads it says what is wrong
             digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
 
 
-def _sources() -> Iterator[Path]:
+def _source_files() -> Iterator[Path]:
     """Return what firmware is made of: the C that is compiled, the compiler."""
     for name in ("cc", "gcc", "clang"):
         if tool := shutil.which(name):

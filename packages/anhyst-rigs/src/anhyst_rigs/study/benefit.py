@@ -18,53 +18,53 @@ import numpy as np
 from anhyst.compensate import methods
 from anhyst.control.controller_file import ControllerFile, ControllerTable
 from anhyst.data import Loops
-from anhyst.data.verdict import judge
+from anhyst.data.verdict import assess_loops
 from anhyst.support import running_version
-from anhyst.support.jobs import Progress, all_of
-from anhyst.support.kinds import MethodName, capability
+from anhyst.support.jobs import Progress, map_ordered
+from anhyst.support.kinds import MethodName, require_capability
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bearing.checks import check_controller
 from anhyst_rigs.rig.bearing.loop import make_setup
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.drift import NO_DRIFT, Drift, with_iron
+from anhyst_rigs.rig.drift import NO_DRIFT, Drift, change_iron
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.fitting import identify_magnet
-from anhyst_rigs.rig.force.file import Rig
-from anhyst_rigs.rig.kind_rules import takes_key
+from anhyst_rigs.rig.force.file import ForceControlRig
+from anhyst_rigs.rig.kind_rules import allows_key
 from anhyst_rigs.rig.measuring import measure_loops
 from anhyst_rigs.rig.parts.iron import NamedCells
 from anhyst_rigs.rig.piezo import PiezoRig
-from anhyst_rigs.rig.stage.fitted import identify_stage
-from anhyst_rigs.study.bearing.operating import find_operating_point, label_of
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet
+from anhyst_rigs.study.bearing.operating import find_operating_point, label_iron
 from anhyst_rigs.study.bearing.responses import StepResult, StepRun, run_steps
 from anhyst_rigs.study.engine.monte_carlo import Plants
-from anhyst_rigs.study.engine.table import Interval, Metric, Quotient, mean_interval, quotient
+from anhyst_rigs.study.engine.table import Interval, MeanRatio, Metric, mean_interval, mean_ratio
 from anhyst_rigs.study.excite.design import force_specimen
-from anhyst_rigs.study.excite.excite import measure as excite_specimen
-from anhyst_rigs.study.piezo import measure as measure_stack
+from anhyst_rigs.study.excite.excite import measure_gaps as excite_specimen
+from anhyst_rigs.study.piezo import measure_stage_loops as measure_stack
 from anhyst_rigs.study.plants import drifted_rig, force_plants, piezo_plants, stage_plants
-from anhyst_rigs.study.reversals import reversal_share
+from anhyst_rigs.study.reversals import reversal_slope_ratio
 
-WIDTHS = (0.5, 1.0, 2.0)
+PINNING_SCALES = (0.5, 1.0, 2.0)
 """Factors on the pinning of the rig's iron."""
-FRACTIONS = (0.05, 0.15, 0.3, 0.5)
+REVERSIBLE_FRACTIONS = (0.05, 0.15, 0.3, 0.5)
 """Reversible fractions of irons of cells; another family has none, and keeps its own shape."""
-BASELINES = tuple(name for name in methods.BASELINES if name not in ("secant", "play"))
+BASELINES = tuple(name for name in methods.BASELINE_METHODS if name not in ("secant", "play"))
 """Ways from force to current that know no hysteresis and measure nothing; ``linearised`` is the
 better one of the two straight lines."""
 
-OF_STEPS = (
+STEP_METRICS = (
     Metric("overshoot_percent", "overshoot", "%"),
     Metric("settling_in_noise_s", "settling time", "ms", 1e3),
 )
 """Figures of a step that are compared."""
-SEEDS = 4
+DEFAULT_SEED_COUNT = 4
 """Of noise, where the rig file says none."""
-STANDSTILLS = 3.0
+OVERSHOOT_FLOOR_FACTOR = 3.0
 """Overshoots of no more than so many times the rms of a standstill are none: nothing to gain."""
 
 Outcome = Literal["gain", "nothing to gain", "no gain", "loss"]
-_Runs = Sequence[Sequence[Mapping[str, float]]]
+_StepPairs = Sequence[Sequence[Mapping[str, float]]]
 _Values = Mapping[MethodName, Mapping[str, FloatArray]]
 
 
@@ -72,7 +72,7 @@ _Values = Mapping[MethodName, Mapping[str, FloatArray]]
 class IronFigures:
     """One iron of the map, as it shows in measurements."""
 
-    scale: float  # factor on the pinning
+    pinning_scale: float  # factor on the pinning
     # weight of what nothing pins; None where the family has no such number
     reversible_fraction: float | None
     loop_width: float  # largest of the measured loops, in parts of the largest current
@@ -91,12 +91,12 @@ class Comparison:
     # strongest of those that kept the armature in the air; None if none did
     baseline: MethodName | None
     # figure of ``full`` over that of the baseline; None where one of them has lost the armature
-    quotient: Quotient | None
+    quotient: MeanRatio | None
     difference: Interval | None  # figure of the baseline less that of ``full``, seed by seed
     # Overshoot that is none, % of the height: :data:`STANDSTILLS` times the larger standstill rms
     # of the two. None for other figures.
     floor: float | None = None
-    small: bool = False  # both means are below the floor
+    is_below_floor: bool = False  # both means are below the floor
 
     @property
     def outcome(self) -> Outcome:
@@ -104,7 +104,7 @@ class Comparison:
 
         It is a loss, too, where the baseline kept the armature in the air and ``full`` did not.
         """
-        if self.small:
+        if self.is_below_floor:
             return "nothing to gain"
         if self.difference is None:
             return "no gain" if self.baseline is None else "loss"
@@ -151,12 +151,14 @@ class Benefit:
     rig: str
     seeds: int
     cells: tuple[MapCell, ...]
-    metrics: tuple[Metric, ...] = OF_STEPS
+    metrics: tuple[Metric, ...] = STEP_METRICS
     bearing: Mapping[str, Any] = field(default_factory=dict)
 
-    def row_width(self, scale: float) -> float:
+    def mean_loop_width(self, scale: float) -> float:
         """Return the mean loop width of the irons of a scale, in parts of the largest current."""
-        return float(np.mean([c.iron.loop_width for c in self.cells if c.iron.scale == scale]))
+        return float(
+            np.mean([c.iron.loop_width for c in self.cells if c.iron.pinning_scale == scale])
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as ``benefit.json`` holds it."""
@@ -168,18 +170,18 @@ class Benefit:
             **self.bearing,
             "noise_seeds": self.seeds,
             "confidence": 0.95,
-            "cells": [_row(cell) for cell in self.cells],
+            "cells": [_cell_dict(cell) for cell in self.cells],
         }
 
 
-_Iron = tuple[float, float | None]
+_IronCase = tuple[float, float | None]
 """Factor on the pinning, and reversible fraction; None: as it is."""
 
 
-def benefit(
+def map_bearing_benefit(
     rig: BodyRig,
     controller: ControllerFile,
-    scales: Sequence[float] = WIDTHS,
+    scales: Sequence[float] = PINNING_SCALES,
     fractions: Sequence[float | None] | None = None,
     heights: Sequence[float] | None = None,
     seeds: int | None = None,
@@ -195,9 +197,9 @@ def benefit(
     tried = rig.settings
     steps = tuple(tried.step.heights_m if heights is None else heights)
     count = tried.noise_seeds if seeds is None else seeds
-    irons = list(product(scales, fractions or fractions_of(rig.settings)))
+    irons = list(product(scales, fractions or reversible_fractions(rig.settings)))
     work = partial(_map_iron, rig, controller.settings, steps, range(count))
-    rows = all_of(work, irons, progress, jobs)
+    rows = map_ordered(work, irons, progress, jobs)
     return Benefit(
         rig=rig.settings.name,
         seeds=count,
@@ -210,10 +212,10 @@ def benefit(
     )
 
 
-def fractions_of(file: RigFile) -> Sequence[float | None]:
+def reversible_fractions(file: RigFile) -> Sequence[float | None]:
     """Return the reversible fractions that a map of a rig goes over."""
     is_of_cells = file.bodies and file.magnets and isinstance(file.iron, NamedCells)
-    return FRACTIONS if is_of_cells else (None,)
+    return REVERSIBLE_FRACTIONS if is_of_cells else (None,)
 
 
 def _map_iron(
@@ -221,19 +223,19 @@ def _map_iron(
     table: ControllerTable,
     heights: tuple[float, ...],
     seeds: Sequence[int],
-    of: _Iron,
+    iron_case: _IronCase,
 ) -> list[MapCell]:
     """Measure a magnet, fit everything to its loops, and step it."""
-    scale, fraction = of
-    rig = with_iron(nominal, fraction, scale)
+    scale, fraction = iron_case
+    rig = change_iron(nominal, fraction, scale)
     knowledge = identify_magnet(measure_loops(rig), rig.settings.loops)
     slopes = find_operating_point(rig).slopes
     iron = IronFigures(
-        scale=scale,
+        pinning_scale=scale,
         reversible_fraction=fraction,
-        loop_width=judge(knowledge.loops).width_relative,
-        after_reversal=reversal_share(knowledge.loops),
-        after_reversal_true=slopes.share,
+        loop_width=assess_loops(knowledge.loops).width_relative,
+        after_reversal=reversal_slope_ratio(knowledge.loops),
+        after_reversal_true=slopes.slope_ratio,
         label=slopes.label,
     )
     steps: dict[MethodName, list[list[StepResult]]] = {}
@@ -245,17 +247,17 @@ def _map_iron(
         runs = [run_steps(StepRun(setup, gap, heights, load, seed))[0] for seed in seeds]
         if all(runs):
             steps[variant] = runs
-    return [_of_step(iron, height, steps, rig) for height in heights]
+    return [_make_step_cell(iron, height, steps, rig) for height in heights]
 
 
-def _of_step(
+def _make_step_cell(
     iron: IronFigures,
     height: float,
     steps: Mapping[MethodName, list[list[StepResult]]],
     rig: BodyRig,
 ) -> MapCell:
     """Return the cell of a step, whose overshoot is none within a standstill."""
-    runs: dict[MethodName, _Runs] = {  # up and down, seed by seed
+    runs: dict[MethodName, _StepPairs] = {  # up and down, seed by seed
         name: [
             [step.figures for step in run if math.isclose(step.height, height, rel_tol=1e-6)]
             for run in each
@@ -264,7 +266,7 @@ def _of_step(
     }
     hold = rig.settings.step.hold_s
     values = {
-        name: {metric.key: _values(pairs, metric.key, hold) for metric in OF_STEPS}
+        name: {metric.key: _step_values(pairs, metric.key, hold) for metric in STEP_METRICS}
         for name, pairs in runs.items()
     }
     still = {
@@ -272,15 +274,17 @@ def _of_step(
         for name, pairs in runs.items()
     }
     probed = rig.settings.hall_probe is not None
-    return compare_cell(iron, height, values, still, probed, [metric.key for metric in OF_STEPS])
+    return make_map_cell(
+        iron, height, values, still, probed, [metric.key for metric in STEP_METRICS]
+    )
 
 
-def compare_cell(
+def make_map_cell(
     iron: IronFigures,
     case: float | str,
     values: _Values,
-    still: Mapping[MethodName, float],
-    probed: bool,
+    standstill: Mapping[MethodName, float],
+    has_probe: bool,
     keys: Sequence[str],
 ) -> MapCell:
     """Return the cell of an iron from figures by method and key, one a seed; by none if all were lost."""
@@ -288,8 +292,8 @@ def compare_cell(
     def against(*baselines: MethodName) -> dict[str, Comparison]:
         compared = {key: _compare(values, key, baselines) for key in keys}
         if isinstance(case, float):
-            compared["overshoot_percent"] = _beyond(
-                compared["overshoot_percent"], values, still, case
+            compared["overshoot_percent"] = _with_overshoot_floor(
+                compared["overshoot_percent"], values, standstill, case
             )
         return compared
 
@@ -300,14 +304,14 @@ def compare_cell(
             name: {key: mean_interval(row) for key, row in rows.items()}
             for name, rows in values.items()
         },
-        standstill=still,
+        standstill=standstill,
         strongest=against(*BASELINES),
         ratio=against("ratio"),
-        flux=against("flux") if probed else {},
+        flux=against("flux") if has_probe else {},
     )
 
 
-def _values(runs: _Runs, key: str, hold: float) -> FloatArray:
+def _step_values(runs: _StepPairs, key: str, hold: float) -> FloatArray:
     """Return the larger one of up and down a seed; what did not settle did so when the hold ended."""
     most = hold if key == "settling_in_noise_s" else math.inf
     return np.array([max(min(figures[key], most) for figures in pair) for pair in runs])
@@ -322,22 +326,22 @@ def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> Comp
     if "full" not in values or not np.isfinite(values["full"][key]).all():
         return Comparison(baseline, None, None)
     own, other = values["full"][key], values[baseline][key]
-    return Comparison(baseline, quotient(own, other), mean_interval(other - own))
+    return Comparison(baseline, mean_ratio(own, other), mean_interval(other - own))
 
 
-def _beyond(
-    compared: Comparison, values: _Values, still: Mapping[MethodName, float], height: float
+def _with_overshoot_floor(
+    compared: Comparison, values: _Values, standstill: Mapping[MethodName, float], height: float
 ) -> Comparison:
     """Return a comparison of overshoots with the floor below which they are none."""
     if compared.baseline is None or compared.quotient is None:
         return compared
     pair: tuple[MethodName, ...] = ("full", compared.baseline)
-    floor = 100.0 * STANDSTILLS * max(still[name] for name in pair) / height
+    floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * max(standstill[name] for name in pair) / height
     most = max(float(np.mean(values[name]["overshoot_percent"])) for name in pair)
-    return replace(compared, floor=floor, small=most < floor)
+    return replace(compared, floor=floor, is_below_floor=most < floor)
 
 
-AnyRig = BodyRig | Rig | PiezoRig
+AnyRig = BodyRig | ForceControlRig | PiezoRig
 
 
 class HasIrons(Protocol):
@@ -347,9 +351,9 @@ class HasIrons(Protocol):
         """Measure the loops of a rig with another iron; return them and its plants."""
 
 
-def benefit_of_plants(
+def map_plant_benefit(
     rig: AnyRig,
-    scales: Sequence[float] = WIDTHS,
+    scales: Sequence[float] = PINNING_SCALES,
     fractions: Sequence[float | None] | None = None,
     seeds: int | None = None,
     progress: Progress | None = None,
@@ -360,10 +364,12 @@ def benefit_of_plants(
     Loops of every iron are measured and identified anew; judged is what a plant without drift does,
     by the figures of its kind, over some seeds of noise.
     """
-    own = rig.settings.noise_seeds if takes_key(rig.settings, "noise_seeds") else SEEDS
+    own = (
+        rig.settings.noise_seeds if allows_key(rig.settings, "noise_seeds") else DEFAULT_SEED_COUNT
+    )
     count = seeds or own
-    irons = list(product(scales, fractions or fractions_of(rig.settings)))
-    rows = all_of(partial(_map_plants, rig, range(1, count + 1)), irons, progress, jobs)
+    irons = list(product(scales, fractions or reversible_fractions(rig.settings)))
+    rows = map_ordered(partial(_map_plants, rig, range(1, count + 1)), irons, progress, jobs)
     return Benefit(
         rig=rig.settings.name,
         seeds=count,
@@ -373,14 +379,14 @@ def benefit_of_plants(
 
 
 def _map_plants(
-    rig: AnyRig, seeds: Sequence[int], of: _Iron
+    rig: AnyRig, seeds: Sequence[int], iron_case: _IronCase
 ) -> tuple[list[MapCell], tuple[Metric, ...]]:
     """Run one iron behind every method."""
-    scale, fraction = of
-    loops, plants = capability(rig.settings.kind, HasIrons).with_iron(rig, fraction, scale)
-    share = reversal_share(loops)
-    label = "" if share is None else label_of(share)
-    width = judge(loops).width_relative
+    scale, fraction = iron_case
+    loops, plants = require_capability(rig.settings.kind, HasIrons).with_iron(rig, fraction, scale)
+    share = reversal_slope_ratio(loops)
+    label = "" if share is None else label_iron(share)
+    width = assess_loops(loops).width_relative
     iron = IronFigures(scale, fraction, width, share, None, label)
     runs = {
         method: [plants.run(method, NO_DRIFT, seed) for seed in seeds] for method in plants.methods
@@ -392,12 +398,12 @@ def _map_plants(
     for case, numbers in _cases(plants).items():
         values = {
             method: {
-                figure.key: np.array([_largest(run[figure.key], numbers) for run in each])
+                figure.key: np.array([_largest_value(run[figure.key], numbers) for run in each])
                 for figure in plants.figures
             }
             for method, each in held.items()
         }
-        cells.append(compare_cell(iron, case, values, {}, "flux" in plants.methods, keys))
+        cells.append(make_map_cell(iron, case, values, {}, "flux" in plants.methods, keys))
     return cells, plants.figures
 
 
@@ -405,14 +411,14 @@ def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
     """Return the cases of a map, and the places of each in the figures of a plant."""
     if plants.single_case:
         return {plants.single_case: [0]}
-    stages = [name.partition("_")[0] for name in plants.figures[0].names]
+    stages = [name.partition("_")[0] for name in plants.figures[0].case_names]
     return {
         f"worst of {stage}": [place for place, one in enumerate(stages) if one == stage]
         for stage in dict.fromkeys(stages)
     }
 
 
-def _largest(figure: float | Sequence[float | None] | None, numbers: Sequence[int]) -> float:
+def _largest_value(figure: float | Sequence[float | None] | None, numbers: Sequence[int]) -> float:
     """Return the largest of some values of a figure; infinite where a level was not reached."""
     row = [figure[number] for number in numbers] if isinstance(figure, Sequence) else [figure]
     return max(math.inf if value is None else value for value in row)
@@ -420,14 +426,14 @@ def _largest(figure: float | Sequence[float | None] | None, numbers: Sequence[in
 
 def stage_with_iron(rig: BodyRig, fraction: float | None, scale: float) -> tuple[Loops, Plants]:
     """Measure the loops of a stage with another iron; return them and its plants."""
-    iron = with_iron(rig, fraction, scale)
-    known = identify_stage(iron, measure_loops(iron))
+    iron = change_iron(rig, fraction, scale)
+    known = identify_stage_magnet(iron, measure_loops(iron))
     probed: tuple[MethodName, ...] = ("flux",) if rig.settings.hall_probe is not None else ()
     names: tuple[MethodName, ...] = (*BASELINES, "full", *probed)
     return known.loops, stage_plants(iron, known, names, errors={"none": ()}, jobs=1)
 
 
-def force_with_iron(rig: Rig, _: float | None, scale: float) -> tuple[Loops, Plants]:
+def force_with_iron(rig: ForceControlRig, _: float | None, scale: float) -> tuple[Loops, Plants]:
     """Measure the loops of an actuator with another iron; return them and its plants."""
     other = drifted_rig(rig, Drift(pinning=scale - 1.0))
     loops = excite_specimen(force_specimen(other)).loops
@@ -437,15 +443,15 @@ def force_with_iron(rig: Rig, _: float | None, scale: float) -> tuple[Loops, Pla
 def piezo_with_iron(rig: PiezoRig, _: float | None, scale: float) -> tuple[Loops, Plants]:
     """Measure the loops of a stack that is wider by a factor; return them and the stage's plants."""
     slope = scale * rig.settings.stack.slope_m_per_V
-    wider = replace(rig, settings=rig.settings.changed({"stack.slope_m_per_V": slope}))
+    wider = replace(rig, settings=rig.settings.with_changes({"stack.slope_m_per_V": slope}))
     loops = measure_stack(wider)
     return loops, piezo_plants(wider, loops)
 
 
-def _row(cell: MapCell) -> dict[str, Any]:
+def _cell_dict(cell: MapCell) -> dict[str, Any]:
     iron = cell.iron
     return {
-        "pinning_scale": iron.scale,
+        "pinning_scale": iron.pinning_scale,
         "reversible_fraction": iron.reversible_fraction,
         "loop_width_percent": 100.0 * iron.loop_width,
         "after_reversal": iron.after_reversal,
@@ -453,22 +459,24 @@ def _row(cell: MapCell) -> dict[str, Any]:
         "iron": iron.label,
         "height_m" if isinstance(cell.case, float) else "case": cell.case,
         "figures": {
-            name: {measure: _interval(value) for measure, value in rows.items()}
+            name: {measure: _interval_dict(value) for measure, value in rows.items()}
             for name, rows in cell.figures.items()
         },
         "standstill_rms_m": dict(cell.standstill),
         **{
-            f"against_{of}": {name: _comparison(one) for name, one in getattr(cell, of).items()}
+            f"against_{of}": {
+                name: _comparison_dict(one) for name, one in getattr(cell, of).items()
+            }
             for of in ("strongest", "ratio", "flux")
         },
     }
 
 
-def _interval(interval: Interval) -> dict[str, float]:
+def _interval_dict(interval: Interval) -> dict[str, float]:
     return {"mean": interval.mean, "half_width": interval.half_width}
 
 
-def _comparison(comparison: Comparison) -> dict[str, Any]:
+def _comparison_dict(comparison: Comparison) -> dict[str, Any]:
     row: dict[str, Any] = {"baseline": comparison.baseline, "outcome": comparison.outcome}
     if comparison.floor is not None:
         row["floor_percent"] = comparison.floor
@@ -478,6 +486,6 @@ def _comparison(comparison: Comparison) -> dict[str, Any]:
             "ratio": value if math.isfinite(value) else None,
             "ratio_low": comparison.quotient.low,
             "ratio_high": high if math.isfinite(high) else None,
-            "difference": _interval(comparison.difference),
+            "difference": _interval_dict(comparison.difference),
         }
     return row

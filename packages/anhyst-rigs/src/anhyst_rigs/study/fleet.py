@@ -12,29 +12,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.data.formats.text import write_csv
-from anhyst.identification.space import coordinate_of
+from anhyst.identification.space import coordinate_kind
 from anhyst.support.atomic import PathLike, check_writable, write_json
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress, all_of
+from anhyst.support.jobs import Progress, map_ordered
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, columns_of
+from anhyst.support.result import Result, rows_to_columns
 from anhyst_rigs.study.fleet_magnets import (
-    MODEL,
+    MODEL_FILE,
     FleetSettings,
     Member,
-    decide,
+    choose_law,
+    evaluate_magnet,
     find_members,
-    judge,
-    share,
+    shared_model_error,
 )
-from anhyst_rigs.study.fleet_spread import FleetSpread, MagnetEstimate, spread_of
+from anhyst_rigs.study.fleet_spread import FleetSpread, MagnetEstimate, estimate_spread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FEWEST = 3
+MIN_MAGNETS_FOR_SPREAD = 3
 """Magnets of which a scatter can be stated."""
-TABLE, FIGURES = "fleet.csv", "fleet.json"
+TABLE_FILE, FIGURES_FILE = "fleet.csv", "fleet.json"
 
 
 @dataclass(frozen=True, repr=False)
@@ -64,12 +64,12 @@ class Fleet(Result):
     settings: FleetSettings
     results: tuple[dict[str, Any], ...]
     typical: str
-    shared: tuple[float, ...]
+    shared_errors: tuple[float, ...]
     spread: FleetSpread | None
     quantities: tuple[str, ...]
 
     @property
-    def judged(self) -> list[dict[str, Any]]:
+    def evaluated(self) -> list[dict[str, Any]]:
         """Results of the magnets that could be judged."""
         return [result for result in self.results if "error" not in result]
 
@@ -81,7 +81,7 @@ class Fleet(Result):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a user should know before trusting the comparison."""
-        histories = {tuple(result["histories"]) for result in self.judged}
+        histories = {tuple(result["histories"]) for result in self.evaluated}
         if len(histories) == 1:
             return ()
         return (
@@ -90,34 +90,36 @@ class Fleet(Result):
         )
 
     @property
-    def own(self) -> FloatArray:
+    def own_errors(self) -> FloatArray:
         """Rms deviation of each judged magnet with its own controller, parts of the largest."""
         return np.array(
-            [math.hypot(magnet["fit_rms"], magnet["compiled_rms"]) for magnet in self.judged]
+            [math.hypot(magnet["fit_rms"], magnet["compiled_rms"]) for magnet in self.evaluated]
         )
 
     @property
-    def good(self) -> list[bool]:
+    def is_good(self) -> list[bool]:
         """Whether each judged magnet keeps the tolerance with its own verified controller."""
         limit = 0.01 * self.settings.tolerance
         return [
             bool(magnet["verified"] and magnet["passed_acceptance"] and error <= limit)
-            for magnet, error in zip(self.judged, self.own, strict=True)
+            for magnet, error in zip(self.evaluated, self.own_errors, strict=True)
         ]
 
     @property
-    def good_shared(self) -> list[bool]:
+    def is_good_shared(self) -> list[bool]:
         """Whether each judged magnet keeps the tolerance with one model for all."""
         limit = 0.01 * self.settings.tolerance
-        return [bool(error <= limit) for error in self.shared]
+        return [bool(error <= limit) for error in self.shared_errors]
 
     @property
     def outliers(self) -> list[str]:
         """Names of the magnets that do not belong to the fleet."""
         if self.spread is None:
             return []
-        names = [magnet["name"] for magnet in self.judged]
-        return [name for name, odd in zip(names, self.spread.outlier, strict=True) if odd]
+        names = [magnet["name"] for magnet in self.evaluated]
+        return [
+            name for name, is_outlier in zip(names, self.spread.outlier, strict=True) if is_outlier
+        ]
 
     def facts(self) -> dict[str, str]:
         """Return how many are good, each by itself and with one model for all."""
@@ -125,34 +127,34 @@ class Fleet(Result):
         return {
             "magnets": f"{count}, {len(self.failed)} could not be judged",
             "law": f"{self.settings.law}, gap map {self.settings.gap_map}",
-            "good, each with its own controller": f"{sum(self.good)} of {count}",
-            f"good, all with the model of '{self.typical}'": f"{sum(self.good_shared)} of {count}",
+            "good, each with its own controller": f"{sum(self.is_good)} of {count}",
+            f"good, all with the model of '{self.typical}'": f"{sum(self.is_good_shared)} of {count}",
             "outliers": ", ".join(self.outliers) or "none",
         }
 
     def to_columns(self) -> dict[str, Any]:
         """Return a row for each judged magnet: errors in per cent, fitted quantities."""
         rows = []
-        distance = self.spread.distance if self.spread else np.full(len(self.judged), np.nan)
-        for index, magnet in enumerate(self.judged):
+        distance = self.spread.distance if self.spread else np.full(len(self.evaluated), np.nan)
+        for index, magnet in enumerate(self.evaluated):
             rows.append(
                 {
                     "magnet": magnet["name"],
-                    "good": self.good[index],
-                    "own_percent": 100.0 * float(self.own[index]),
-                    "shared_percent": 100.0 * self.shared[index],
+                    "good": self.is_good[index],
+                    "own_percent": 100.0 * float(self.own_errors[index]),
+                    "shared_percent": 100.0 * self.shared_errors[index],
                     "distance": float(distance[index]),
                     "outlier": magnet["name"] in self.outliers,
                     **{
                         name: magnet["values"][magnet["quantities"].index(name)]
                         for name in self.quantities
                     },
-                    **self._drawn_columns(index),
+                    **self._pooled_columns(index),
                 }
             )
-        return columns_of(rows)
+        return rows_to_columns(rows)
 
-    def _drawn_columns(self, index: int) -> dict[str, float]:
+    def _pooled_columns(self, index: int) -> dict[str, float]:
         if (spread := self.spread) is None:
             return {}
         pairs = zip(self.quantities, spread.values[index], spread.std[index], strict=True)
@@ -172,8 +174,8 @@ class Fleet(Result):
             "law": self.settings.law,
             "gap_map": self.settings.gap_map,
             "tolerance_percent": self.settings.tolerance,
-            "yield": sum(self.good) / count,
-            "yield_one_model_for_all": sum(self.good_shared) / count,
+            "yield": sum(self.is_good) / count,
+            "yield_one_model_for_all": sum(self.is_good_shared) / count,
             "typical": self.typical,
             "outliers": self.outliers,
             "failed": self.failed,
@@ -188,16 +190,16 @@ class Fleet(Result):
             "results": [
                 {
                     "name": magnet["name"],
-                    "good": self.good[index],
-                    "own_rms_percent": 100.0 * float(self.own[index]),
-                    "shared_rms_percent": 100.0 * self.shared[index],
-                    "in_the_light_of_the_fleet": self._drawn(index),
+                    "good": self.is_good[index],
+                    "own_rms_percent": 100.0 * float(self.own_errors[index]),
+                    "shared_rms_percent": 100.0 * self.shared_errors[index],
+                    "in_the_light_of_the_fleet": self._pooled_dict(index),
                 }
-                for index, magnet in enumerate(self.judged)
+                for index, magnet in enumerate(self.evaluated)
             ],
         }
 
-    def _drawn(self, index: int) -> dict[str, Any] | None:
+    def _pooled_dict(self, index: int) -> dict[str, Any] | None:
         """Return what the fleet and a magnet's own loops together say of its quantities."""
         if (spread := self.spread) is None:
             return None
@@ -209,10 +211,16 @@ class Fleet(Result):
 
     def draw(self, ax: Axes) -> None:
         """Draw the error of each magnet with its own controller and with one model for all."""
-        order = np.argsort(self.own)
-        places = np.arange(len(order))
-        ax.plot(places, 100.0 * np.array(self.shared)[order], "o", ms=4, label="one model for all")
-        ax.plot(places, 100.0 * self.own[order], "o", ms=4, label="each its own")
+        order = np.argsort(self.own_errors)
+        positions = np.arange(len(order))
+        ax.plot(
+            positions,
+            100.0 * np.array(self.shared_errors)[order],
+            "o",
+            ms=4,
+            label="one model for all",
+        )
+        ax.plot(positions, 100.0 * self.own_errors[order], "o", ms=4, label="each its own")
         ax.axhline(self.settings.tolerance, color="0.4", lw=0.9, ls="--", label="tolerance")
         ax.set_xlabel("magnets, by their own error")
         ax.set_ylabel("rms deviation [% of the largest output]")
@@ -232,30 +240,32 @@ def fleet(
     done again. The same files, settings and version give the same result in any order of work.
     """
     members = find_members(folder)
-    target = Path(out)
-    if Path(folder).resolve() in {target.resolve(), target.resolve().parent}:
+    out_folder = Path(out)
+    if Path(folder).resolve() in {out_folder.resolve(), out_folder.resolve().parent}:
         raise InputError(
             f"{out}: lies where magnets are looked for; write to another folder",
             code="out-among-inputs",
         )
-    target.mkdir(parents=True, exist_ok=True)
-    for name in (TABLE, FIGURES):
-        check_writable(target / name)
-    choice = decide(members, settings, target, jobs)
-    tasks = [choice.task(member, settings, target) for member in members]
-    results = all_of(judge, tasks, progress, jobs)
+    out_folder.mkdir(parents=True, exist_ok=True)
+    for name in (TABLE_FILE, FIGURES_FILE):
+        check_writable(out_folder / name)
+    choice = choose_law(members, settings, out_folder, jobs)
+    tasks = [choice.task(member, settings, out_folder) for member in members]
+    results = map_ordered(evaluate_magnet, tasks, progress, jobs)
     if all("error" in result for result in results):
         raise NegativeResult(
             f"none of {len(members)} magnets could be judged; the first: {results[0]['error']}",
             code="no-magnet-judged",
         )
-    judged = _compared(members, results, choice.settings, target, jobs)
-    write_csv(target / TABLE, {name: _plain(c) for name, c in judged.to_columns().items()})
-    write_json(target / FIGURES, judged.as_dict())
-    return judged
+    result = _compare_magnets(members, results, choice.settings, out_folder, jobs)
+    write_csv(
+        out_folder / TABLE_FILE, {name: _csv_column(c) for name, c in result.to_columns().items()}
+    )
+    write_json(out_folder / FIGURES_FILE, result.as_dict())
+    return result
 
 
-def _plain(column: Sequence[Any]) -> Any:
+def _csv_column(column: Sequence[Any]) -> Any:
     """Return a column as a CSV holds it: switches as 0 and 1, text as it is."""
     from anhyst.data.formats.channels import Texts
 
@@ -265,7 +275,7 @@ def _plain(column: Sequence[Any]) -> Any:
     return np.array(column, dtype=np.float64)
 
 
-def _compared(
+def _compare_magnets(
     members: Sequence[Member],
     results: Sequence[dict[str, Any]],
     settings: FleetSettings,
@@ -273,26 +283,28 @@ def _compared(
     jobs: int | None,
 ) -> Fleet:
     """Hold the magnets that could be judged against each other."""
-    judged = [result for result in results if "error" not in result]
+    evaluated = [result for result in results if "error" not in result]
     # An offset may be fitted to one magnet and not to another: what all have is compared.
-    sets = [set(result["quantities"]) for result in judged]
+    quantity_sets = [set(result["quantities"]) for result in evaluated]
     names = tuple(
-        name for name in judged[0]["quantities"] if all(name in result for result in sets)
+        name
+        for name in evaluated[0]["quantities"]
+        if all(name in result for result in quantity_sets)
     )
     spread = None
-    if names and len(judged) >= FEWEST:
-        spread = spread_of(
+    if names and len(evaluated) >= MIN_MAGNETS_FOR_SPREAD:
+        spread = estimate_spread(
             [
-                MagnetEstimate.of(result["values"], result["std"], result["correlation"]).only(
-                    [result["quantities"].index(name) for name in names]
-                )
-                for result in judged
+                MagnetEstimate.from_uncertainty(
+                    result["values"], result["std"], result["correlation"]
+                ).select([result["quantities"].index(name) for name in names])
+                for result in evaluated
             ],
-            [coordinate_of(settings.law, name) for name in names],
+            [coordinate_kind(settings.law, name) for name in names],
         )
     index = 0 if spread is None else int(np.argmin(spread.distance))
-    typical = judged[index]["name"]
+    typical = evaluated[index]["name"]
     by_name = {member.name: member for member in members}
-    work = partial(share, out / typical / MODEL, settings.history)
-    shared = all_of(work, [by_name[result["name"]] for result in judged], jobs=jobs)
+    work = partial(shared_model_error, out / typical / MODEL_FILE, settings.history)
+    shared = map_ordered(work, [by_name[result["name"]] for result in evaluated], jobs=jobs)
     return Fleet(out, settings, tuple(results), typical, tuple(shared), spread, names)

@@ -18,15 +18,15 @@ from anhyst.compensate.force_controller import Io
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data.formats import FORMATS
-from anhyst.data.reading import files_read, read_loops
+from anhyst.data.reading import list_input_files, read_loops
 from anhyst.data.verdict import largest_output
 from anhyst.identification import identify
-from anhyst.identification.run import IdentifyResult, whole_search
+from anhyst.identification.run import IdentifyResult, require_complete
 from anhyst.model.actuator import read_model
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, json_text, read_error, write_json
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import map_ordered
 from anhyst.support.numeric import rms
 from anhyst.verification.verify import verify
 
@@ -40,14 +40,14 @@ class Member:
 
     def digest(self) -> str:
         """Return the SHA-256 of all that is read of it."""
-        whole = hashlib.sha256()
-        for path in files_read(self.source):
-            whole.update(path.name.encode())
+        digest = hashlib.sha256()
+        for path in list_input_files(self.source):
+            digest.update(path.name.encode())
             try:
-                whole.update(path.read_bytes())
+                digest.update(path.read_bytes())
             except OSError as error:
                 raise read_error(path, error) from None
-        return whole.hexdigest()
+        return digest.hexdigest()
 
 
 def find_members(folder: PathLike) -> list[Member]:
@@ -82,8 +82,8 @@ def _holds_loops(path: Path) -> bool:
     return path.is_dir() and any(file.suffix.lower() in FORMATS for file in path.iterdir())
 
 
-RESULT, MODEL, CONTROLLER = "result.json", "model.toml", "controller"
-_VERIFIED_STEPS = 20_000
+RESULT_FILE, MODEL_FILE, CONTROLLER_FOLDER = "result.json", "model.toml", "controller"
+_VERIFICATION_STEPS = 20_000
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class FleetTask:
     # law and gap map to ask identification for: those of the settings, or ``auto`` for one whose
     # own choice they are
     search: tuple[str, str]
-    found: IdentifyResult | None = None  # what that gives, where it is known already
+    identification: IdentifyResult | None = None  # what that gives, where it is known already
 
     @property
     def folder(self) -> Path:
@@ -122,7 +122,7 @@ class FleetTask:
         return self.out / self.member.name
 
 
-def judge(task: FleetTask) -> dict[str, Any]:
+def evaluate_magnet(task: FleetTask) -> dict[str, Any]:
     """Identify, compile and verify one magnet; what is done already is not done again.
 
     Whatever goes wrong with one magnet stands in its result and stops no other.
@@ -132,49 +132,51 @@ def judge(task: FleetTask) -> dict[str, Any]:
     made_from: dict[str, Any] = {"version": running_version(), "settings": settings}
     try:
         made_from["sha256"] = task.member.digest()
-        if (known := _known(task.folder / RESULT, made_from)) is not None:
-            return known
-        outcome = _judged(task)
+        if (stored := _load_result(task.folder / RESULT_FILE, made_from)) is not None:
+            return stored
+        outcome = _evaluate(task)
     except (InputError, NegativeResult) as error:
         outcome = {"error": str(error)}
     except Exception as fault:
         outcome = {"error": f"a fault of anhyst: {type(fault).__name__}: {fault}"}
     result = {"name": task.member.name, **outcome, "made_from": made_from}
     task.folder.mkdir(parents=True, exist_ok=True)
-    write_json(task.folder / RESULT, result)
+    write_json(task.folder / RESULT_FILE, result)
     return dict(json.loads(json_text(result)))
 
 
-def _known(path: Path, made_from: Mapping[str, Any]) -> dict[str, Any] | None:
+def _load_result(path: Path, made_from: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return a result that was made of the same files with the same settings."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    same = isinstance(content, dict) and content.get("made_from") == made_from
-    return content if same else None
+    is_current = isinstance(content, dict) and content.get("made_from") == made_from
+    return content if is_current else None
 
 
-def identified(task: FleetTask) -> IdentifyResult:
+def identify_member(task: FleetTask) -> IdentifyResult:
     """Identify the model of one magnet."""
     loops = read_loops(task.member.source, history=task.settings.history)
     law, gap_map = task.search
-    return whole_search(identify(loops, law=law, gap_map=gap_map, seed=task.settings.seed))
+    return require_complete(identify(loops, law=law, gap_map=gap_map, seed=task.settings.seed))
 
 
-def _judged(task: FleetTask) -> dict[str, Any]:
+def _evaluate(task: FleetTask) -> dict[str, Any]:
     settings = task.settings
-    found = task.found or identified(task)
-    loops = found.loops
-    model, folder = found.model, task.folder
+    identification = task.identification or identify_member(task)
+    loops = identification.loops
+    model, folder = identification.model, task.folder
     folder.mkdir(parents=True, exist_ok=True)
-    model_file = model.save(folder / MODEL)
+    model_file = model.save(folder / MODEL_FILE)
     request = CompileRequest(settings.kind, settings.io, settings.rate)
-    compiled = compile_model(model_file, folder / CONTROLLER, request)
-    verified = verify(folder / CONTROLLER, settings.on, _VERIFIED_STEPS, _VERIFIED_STEPS)
-    fit, unsure = model.fit, model.uncertainty
+    compiled = compile_model(model_file, folder / CONTROLLER_FOLDER, request)
+    verified = verify(
+        folder / CONTROLLER_FOLDER, settings.on, _VERIFICATION_STEPS, _VERIFICATION_STEPS
+    )
+    fit, uncertainty = model.fit, model.uncertainty
     assert fit is not None
-    assert unsure is not None
+    assert uncertainty is not None
     budget = compiled.budget
     return {
         "law": model.law,
@@ -182,19 +184,19 @@ def _judged(task: FleetTask) -> dict[str, Any]:
         "largest_output": fit.largest_output,
         "fit_rms": fit.rms / fit.largest_output,
         "fit_worst": fit.worst / fit.largest_output,
-        "compiled_rms": (budget.compiled.rms or 0.0) / budget.largest,
+        "compiled_rms": (budget.compiled.rms or 0.0) / budget.reference_output,
         "verified": verified.passed,
-        "passed_acceptance": found.acceptance.passed,
-        "quantities": list(unsure.names),
-        "values": list(unsure.values),
-        "std": list(unsure.std),
-        "correlation": [list(row) for row in unsure.correlation],
+        "passed_acceptance": identification.acceptance.passed,
+        "quantities": list(uncertainty.names),
+        "values": list(uncertainty.values),
+        "std": list(uncertainty.std),
+        "correlation": [list(row) for row in uncertainty.correlation],
         "histories": [loop.history.kind for loop in loops.loops],
-        "warnings": list(found.warnings),
+        "warnings": list(identification.warnings),
     }
 
 
-def share(file: Path, history: str | None, member: Member) -> float:
+def shared_model_error(file: Path, history: str | None, member: Member) -> float:
     """Return the rms deviation of another magnet's model on this one's loops, parts of the largest.
 
     Not a number where that model cannot be computed on these loops.
@@ -202,15 +204,15 @@ def share(file: Path, history: str | None, member: Member) -> float:
     loops = read_loops(member.source, history=history)
     model = read_model(file)
     try:
-        errors = np.concatenate([model.on(loop) - loop.output for loop in loops.loops])
+        errors = np.concatenate([model.predict_loop(loop) - loop.output for loop in loops.loops])
     except (InputError, NegativeResult):
         return float("nan")
     return rms(errors) / largest_output(loops)
 
 
-PILOTS = 3
+PILOT_COUNT = 3
 """Magnets that decide together."""
-CHOICE = "choice.json"
+CHOICE_FILE = "choice.json"
 """Keeps the decision: a run that goes on does not make it again."""
 
 
@@ -222,17 +224,21 @@ class FleetChoice:
     # names of those that chose just these: nothing else is to be fitted to them
     pilots: tuple[str, ...] = ()
     # their identifications by name, where they were made just now
-    found: dict[str, IdentifyResult] = field(default_factory=dict)
+    identifications: dict[str, IdentifyResult] = field(default_factory=dict)
 
     def task(self, member: Member, given_settings: FleetSettings, out: Path) -> FleetTask:
         """Return what is to be done with a magnet, given what was asked for in the first place."""
         search = given_settings if member.name in self.pilots else self.settings
         return FleetTask(
-            member, self.settings, out, (search.law, search.gap_map), self.found.get(member.name)
+            member,
+            self.settings,
+            out,
+            (search.law, search.gap_map),
+            self.identifications.get(member.name),
         )
 
 
-def decide(
+def choose_law(
     members: Sequence[Member], settings: FleetSettings, out: Path, jobs: int | None
 ) -> FleetChoice:
     """Find the law and gap map that most of the first magnets choose that can be identified.
@@ -241,36 +247,38 @@ def decide(
     """
     if "auto" not in {settings.law, settings.gap_map}:
         return FleetChoice(settings)
-    if (known := _known_choice(members, settings, out / CHOICE)) is not None:
-        return known
+    if (stored := _load_choice(members, settings, out / CHOICE_FILE)) is not None:
+        return stored
     identifications: dict[str, IdentifyResult] = {}
-    asked: list[Member] = []
-    while len(identifications) < PILOTS and len(asked) < len(members):
-        following = members[len(asked) : len(asked) + PILOTS - len(identifications)]
-        asked += following
+    tried_members: list[Member] = []
+    while len(identifications) < PILOT_COUNT and len(tried_members) < len(members):
+        next_members = members[
+            len(tried_members) : len(tried_members) + PILOT_COUNT - len(identifications)
+        ]
+        tried_members += next_members
         tasks = [
             FleetTask(member, settings, out, (settings.law, settings.gap_map))
-            for member in following
+            for member in next_members
         ]
-        results = all_of(_choice_of, tasks, jobs=jobs)
+        results = map_ordered(_identify_pilot, tasks, jobs=jobs)
         identifications |= {
-            m.name: r for m, r in zip(following, results, strict=True) if r is not None
+            m.name: r for m, r in zip(next_members, results, strict=True) if r is not None
         }
     if not identifications:
         return FleetChoice(settings)
     chosen = {
         name: (member.model.law, member.model.gap_map) for name, member in identifications.items()
     }
-    most = Counter(chosen.values()).most_common(1)[0][0]
-    pilots = tuple(name for name, own in chosen.items() if own == most)
-    law, gap_map = most[0], "auto" if most[1] == "none" else most[1]
-    kept = {
-        "made_from": _made_from(asked, settings),
+    most_common = Counter(chosen.values()).most_common(1)[0][0]
+    pilots = tuple(name for name, own in chosen.items() if own == most_common)
+    law, gap_map = most_common[0], "auto" if most_common[1] == "none" else most_common[1]
+    content = {
+        "made_from": _choice_inputs(tried_members, settings),
         "law": law,
         "gap_map": gap_map,
         "pilots": list(pilots),
     }
-    write_json(out / CHOICE, kept)
+    write_json(out / CHOICE_FILE, content)
     return FleetChoice(
         replace(settings, law=law, gap_map=gap_map),
         pilots,
@@ -278,15 +286,15 @@ def decide(
     )
 
 
-def _choice_of(task: FleetTask) -> IdentifyResult | None:
+def _identify_pilot(task: FleetTask) -> IdentifyResult | None:
     """Let a magnet choose; what is wrong with one that cannot is said when it is judged."""
     try:
-        return identified(task)
+        return identify_member(task)
     except Exception:
         return None
 
 
-def _made_from(pilots: Sequence[Member], settings: FleetSettings) -> dict[str, Any]:
+def _choice_inputs(pilots: Sequence[Member], settings: FleetSettings) -> dict[str, Any]:
     """Return all that a decision rests on; files that cannot be read have no hash."""
     digests = dict.fromkeys((member.name for member in pilots), "")
     for member in pilots:
@@ -299,16 +307,16 @@ def _made_from(pilots: Sequence[Member], settings: FleetSettings) -> dict[str, A
     }
 
 
-def _known_choice(
+def _load_choice(
     members: Sequence[Member], settings: FleetSettings, path: Path
 ) -> FleetChoice | None:
     """Return a decision that was made of the same magnets with the same settings."""
     try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
-        pilots = members[: len(kept["made_from"]["sha256"])]
-        if kept["made_from"] != _made_from(pilots, settings):
+        content = json.loads(path.read_text(encoding="utf-8"))
+        pilots = members[: len(content["made_from"]["sha256"])]
+        if content["made_from"] != _choice_inputs(pilots, settings):
             return None
-        chosen = replace(settings, law=str(kept["law"]), gap_map=str(kept["gap_map"]))
-        return FleetChoice(chosen, tuple(kept["pilots"]))
+        chosen = replace(settings, law=str(content["law"]), gap_map=str(content["gap_map"]))
+        return FleetChoice(chosen, tuple(content["pilots"]))
     except (OSError, ValueError, KeyError, TypeError):
         return None

@@ -28,13 +28,13 @@ from scipy.special import chdtri
 from anhyst.identification.space import Coordinate
 from anhyst.support.numeric import FloatArray
 
-ROUNDS = 200
+MAX_ITERATIONS = 200
 
-RARE = 0.01
+OUTLIER_PROBABILITY = 0.01
 """Chance that a fleet without outliers has a magnet that is called one."""
-LEAST = 1e-4
+MIN_SCATTER = 1e-4
 """Scatter below this part of the mean is not told from none."""
-NARROWEST, WIDEST = 1e-9, 1e3
+MIN_STD, MAX_STD = 1e-9, 1e3
 """Standard deviations that loops may leave, in parts of the mean: what is beyond counts as these."""
 
 
@@ -48,23 +48,25 @@ class MagnetEstimate:
     correlation: FloatArray  # of the coordinates; shape (q, q)
 
     @classmethod
-    def of(
+    def from_uncertainty(
         cls, values: ArrayLike, std: Sequence[float | None] | FloatArray, correlation: ArrayLike
     ) -> MagnetEstimate:
         """Take an uncertainty as a model states it; a quantity without one is left open."""
-        wide = np.array([math.inf if value is None else value for value in std], dtype=np.float64)
-        wide = np.where(np.isnan(wide), math.inf, wide)
+        full_std = np.array(
+            [math.inf if value is None else value for value in std], dtype=np.float64
+        )
+        full_std = np.where(np.isnan(full_std), math.inf, full_std)
         matrix = np.array(correlation, dtype=np.float64)
-        matrix = matrix if matrix.size else np.eye(len(wide))
+        matrix = matrix if matrix.size else np.eye(len(full_std))
         matrix = np.where(np.isfinite(matrix), matrix, 0.0)
         np.fill_diagonal(matrix, 1.0 + 1e-9)
-        return cls(np.array(values, dtype=np.float64), wide, matrix)
+        return cls(np.array(values, dtype=np.float64), full_std, matrix)
 
-    def only(self, places: Sequence[int]) -> MagnetEstimate:
+    def select(self, positions: Sequence[int]) -> MagnetEstimate:
         """Return some of the quantities, in the given order, whatever the others are."""
-        kept = list(places)
+        indices = list(positions)
         return MagnetEstimate(
-            self.values[kept], self.std[kept], self.correlation[np.ix_(kept, kept)]
+            self.values[indices], self.std[indices], self.correlation[np.ix_(indices, indices)]
         )
 
 
@@ -95,17 +97,17 @@ class _Coordinates:
     scale: FloatArray
 
     @classmethod
-    def of(cls, values: FloatArray, ways: Sequence[Coordinate]) -> _Coordinates:
+    def from_values(cls, values: FloatArray, coordinates: Sequence[Coordinate]) -> _Coordinates:
         sizes = np.abs(values)
         scale = np.median(sizes, axis=0)
         # Most may stand at the end of what is searched, which is zero.
         scale = np.where(scale > 0.0, scale, sizes.max(axis=0))
-        named = np.array(ways)
-        log = (named == "log") & (values > 0.0).all(axis=0)
-        asinh = named == "asinh"
+        kinds = np.array(coordinates)
+        log = (kinds == "log") & (values > 0.0).all(axis=0)
+        asinh = kinds == "asinh"
         return cls(log, asinh, np.where((scale > 0.0) & ~log & ~asinh, scale, 1.0))
 
-    def inward(self, values: FloatArray) -> FloatArray:
+    def to_coordinates(self, values: FloatArray) -> FloatArray:
         positive = np.where(self.log, values, 1.0)
         return np.where(
             self.log,
@@ -113,10 +115,12 @@ class _Coordinates:
             np.where(self.asinh, np.arcsinh(values), values / self.scale),
         )
 
-    def outward(self, places: FloatArray) -> FloatArray:
-        curved = np.where(self.log | self.asinh, places, 0.0)
+    def to_quantities(self, coordinates: FloatArray) -> FloatArray:
+        curved = np.where(self.log | self.asinh, coordinates, 0.0)
         return np.where(
-            self.log, np.exp(curved), np.where(self.asinh, np.sinh(curved), places * self.scale)
+            self.log,
+            np.exp(curved),
+            np.where(self.asinh, np.sinh(curved), coordinates * self.scale),
         )
 
     def slope(self, values: FloatArray) -> FloatArray:
@@ -124,55 +128,57 @@ class _Coordinates:
         return np.where(self.log, values, np.where(self.asinh, np.hypot(1.0, values), self.scale))
 
 
-def spread_of(
+def estimate_spread(
     estimates: Sequence[MagnetEstimate], coordinates: Sequence[Coordinate] = ()
 ) -> FleetSpread:
     """Find mean and scatter of a fleet; outliers have no say in either."""
-    own = np.array([estimate.values for estimate in estimates])
-    change = _Coordinates.of(own, coordinates or ["plain"] * own.shape[1])
-    values = change.inward(own)
-    sigma = np.clip([estimate.std for estimate in estimates] / change.slope(own), NARROWEST, WIDEST)
+    quantities = np.array([estimate.values for estimate in estimates])
+    transform = _Coordinates.from_values(quantities, coordinates or ["plain"] * quantities.shape[1])
+    values = transform.to_coordinates(quantities)
+    sigma = np.clip(
+        [estimate.std for estimate in estimates] / transform.slope(quantities), MIN_STD, MAX_STD
+    )
     covariances = np.array(
         [
             estimate.correlation * np.outer(s, s)
             for estimate, s in zip(estimates, sigma, strict=True)
         ]
     )
-    limit = chdtri(values.shape[1], RARE / len(values))
-    belongs = _near_the_middle(values)
+    limit = chdtri(values.shape[1], OUTLIER_PROBABILITY / len(values))
+    belongs = _central_half(values)
     for _ in range(10):
         mean, scatter = _expectation_maximisation(values[belongs], covariances[belongs])
-        squares = _squares(values, covariances, mean, scatter)
-        again = squares <= limit
-        if 2 * again.sum() <= len(values) or np.array_equal(again, belongs):
+        squares = _squared_distances(values, covariances, mean, scatter)
+        now_belongs = squares <= limit
+        if 2 * now_belongs.sum() <= len(values) or np.array_equal(now_belongs, belongs):
             break
-        belongs = again
-    odd = squares > limit
-    drawn = [
-        (y, s) if keeps else _drawn(y, s, mean, scatter)
-        for y, s, keeps in zip(values, covariances, odd, strict=True)
+        belongs = now_belongs
+    is_outlier = squares > limit
+    pooled = [
+        (y, s) if keeps else _pool(y, s, mean, scatter)
+        for y, s, keeps in zip(values, covariances, is_outlier, strict=True)
     ]
-    found = change.outward(np.array([estimate for estimate, _ in drawn]))
-    left = np.array([np.sqrt(np.diag(estimate)) for _, estimate in drawn])
-    middle = change.outward(mean)
+    pooled_quantities = transform.to_quantities(np.array([estimate for estimate, _ in pooled]))
+    pooled_std = np.array([np.sqrt(np.diag(estimate)) for _, estimate in pooled])
+    mean_quantities = transform.to_quantities(mean)
     return FleetSpread(
-        mean=middle,
-        scatter=scatter * change.slope(middle),
-        values=found,
-        std=left * change.slope(found),
+        mean=mean_quantities,
+        scatter=scatter * transform.slope(mean_quantities),
+        values=pooled_quantities,
+        std=pooled_std * transform.slope(pooled_quantities),
         correlation=np.array(
-            [estimate / np.outer(s, s) for (_, estimate), s in zip(drawn, left, strict=True)]
+            [estimate / np.outer(s, s) for (_, estimate), s in zip(pooled, pooled_std, strict=True)]
         ),
         distance=np.sqrt(squares / values.shape[1]),
-        outlier=odd,
+        outlier=is_outlier,
     )
 
 
-def _near_the_middle(values: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _central_half(values: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return the half of the magnets whose worst quantity is nearest to the median."""
-    away = np.abs(values - np.median(values, axis=0))
-    share = away / np.maximum(np.median(away, axis=0), LEAST)
-    worst = share.max(axis=1)
+    deviations = np.abs(values - np.median(values, axis=0))
+    ratios = deviations / np.maximum(np.median(deviations, axis=0), MIN_SCATTER)
+    worst = ratios.max(axis=1)
     return np.asarray(worst <= np.median(worst))
 
 
@@ -180,34 +186,38 @@ def _expectation_maximisation(
     values: FloatArray, covariances: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     mean = np.median(values, axis=0)
-    scatter = np.maximum(values.std(axis=0), LEAST)
-    for _ in range(ROUNDS):
-        before = mean, scatter
-        posteriors = [_drawn(y, s, mean, scatter) for y, s in zip(values, covariances, strict=True)]
-        drawn = np.array([posterior for posterior, _ in posteriors])
-        left = np.array([np.diag(posterior) for _, posterior in posteriors])
-        mean = drawn.mean(axis=0)
-        scatter = np.sqrt(np.maximum(((drawn - mean) ** 2 + left).mean(axis=0), LEAST**2))
-        if np.allclose(mean, before[0], rtol=1e-6) and np.allclose(scatter, before[1], rtol=1e-4):
+    scatter = np.maximum(values.std(axis=0), MIN_SCATTER)
+    for _ in range(MAX_ITERATIONS):
+        previous = mean, scatter
+        posteriors = [_pool(y, s, mean, scatter) for y, s in zip(values, covariances, strict=True)]
+        pooled = np.array([posterior for posterior, _ in posteriors])
+        variances = np.array([np.diag(posterior) for _, posterior in posteriors])
+        mean = pooled.mean(axis=0)
+        scatter = np.sqrt(
+            np.maximum(((pooled - mean) ** 2 + variances).mean(axis=0), MIN_SCATTER**2)
+        )
+        if np.allclose(mean, previous[0], rtol=1e-6) and np.allclose(
+            scatter, previous[1], rtol=1e-4
+        ):
             break
     return mean, scatter
 
 
-def _drawn(
+def _pool(
     value: FloatArray, covariance: FloatArray, mean: FloatArray, scatter: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return a magnet's values drawn towards the mean, and their covariance."""
     prior = np.diag(scatter**2)
     gain = np.linalg.solve(covariance + prior, prior).T
-    drawn = mean + gain @ (value - mean)
-    return drawn, prior - gain @ prior
+    pooled = mean + gain @ (value - mean)
+    return pooled, prior - gain @ prior
 
 
-def _squares(
+def _squared_distances(
     values: FloatArray, covariances: FloatArray, mean: FloatArray, scatter: FloatArray
 ) -> FloatArray:
     prior = np.diag(scatter**2)
-    away = values - mean
+    deviations = values - mean
     return np.array(
-        [a @ np.linalg.solve(s + prior, a) for a, s in zip(away, covariances, strict=True)]
+        [a @ np.linalg.solve(s + prior, a) for a, s in zip(deviations, covariances, strict=True)]
     )

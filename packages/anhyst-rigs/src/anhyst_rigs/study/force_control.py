@@ -18,42 +18,47 @@ from anhyst.compilation.output import compile_model
 from anhyst.data.table import check_format, read_columns
 from anhyst.model.actuator import Model
 from anhyst.model.writer import write_model
-from anhyst.support.atomic import PathLike, whole_folder, write_json
+from anhyst.support.atomic import PathLike, atomic_folder, write_json
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress, all_of, in_parts
+from anhyst.support.jobs import Progress, map_ordered, split_progress
 from anhyst.support.kinds import MethodName
-from anhyst.support.result import columns_of
+from anhyst.support.result import rows_to_columns
 from anhyst.verification.result import Verification
 from anhyst_rigs.link.firmware import build, check_compiler
 from anhyst_rigs.link.virtual_boards import find_qemu
 from anhyst_rigs.rig.distance import PlantCheck
-from anhyst_rigs.rig.force.bench import Demand, triangle, with_lead_in
-from anhyst_rigs.rig.force.file import Rig, read_rig
-from anhyst_rigs.rig.force.programs import Program, find_model, loops_at, loops_of_rig
+from anhyst_rigs.rig.force.bench import Demand, add_lead_in, triangle_demand
+from anhyst_rigs.rig.force.file import ForceControlRig, read_rig
+from anhyst_rigs.rig.force.programs import (
+    Program,
+    identify_force_model,
+    loops_at_gap,
+    read_rig_loops,
+)
 from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.study.engine.table import FIGURES, Judgement, StudyResult
+from anhyst_rigs.study.engine.table import FIGURES_FILE, Judgement, StudyResult
 from anhyst_rigs.study.force_trials import (
     Controllers,
     ForceOutcome,
     ForceTrial,
-    Stage,
-    figures,
+    TrialStage,
     judge_stages,
+    make_figures,
     plan_trials,
     run_trial,
-    verdict_of,
+    verdict_dict,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-SCOPES: Mapping[Stage, str] = {"end": "end", "positions": "stroke", "moving": "stroke"}
+MODEL_SCOPES: Mapping[TrialStage, str] = {"end": "end", "positions": "stroke", "moving": "stroke"}
 """Which models belong to which stage, as their folders are called."""
-_PREPARED = 4.0
+_PREPARATION_WORK = 4.0
 """Work of the models, and of the programs, in trials."""
-LONGEST_DEMAND = 120.0
+MAX_DEMAND_S = 120.0
 """Seconds of a demand from a file at most."""
 
 
@@ -67,7 +72,7 @@ class ForceControl(StudyResult):
         The rig, complete.
     out : Path
         Folder with everything: ``figures.json``, a recording of each trial, and below ``end/`` and
-        ``stroke/`` models and controllers; :func:`anhyst_rigs.reports.force.draw` adds pictures.
+        ``stroke/`` models and controllers; :func:`anhyst_rigs.reports.force.draw_all` adds pictures.
     figures : dict
         As in ``figures.json``.
     outcomes : tuple of ForceOutcome
@@ -79,7 +84,7 @@ class ForceControl(StudyResult):
     """
 
     kind: ClassVar = "force"
-    rig: Rig
+    rig: ForceControlRig
     out: Path
     figures: dict[str, Any]
     outcomes: tuple[ForceOutcome, ...]
@@ -144,7 +149,7 @@ class ForceControl(StudyResult):
 
     def to_columns(self) -> dict[str, Any]:
         """Return the error of the force of each controller in each trial, N."""
-        return columns_of(self._errors())
+        return rows_to_columns(self._errors())
 
     def as_dict(self) -> dict[str, Any]:
         """Return what ``figures.json`` holds, and the verification."""
@@ -172,15 +177,15 @@ def force_control(
 ) -> ForceControl:
     """Identify, compile, build, and run every trial of a rig: `anhyst.force_control`."""
     named = read_rig(rig)
-    demands = _demands(named, demand)
+    demands = _collect_demands(named, demand)
     check_format(Path(out) / f"recording.{recordings}")
     check_compiler(board)  # miss a tool before the work, not after it
     if board == "qemu-mps2":
         find_qemu()
     trials = list(plan_trials(named, demands))
-    parts = in_parts(progress, [_PREPARED, _PREPARED, len(trials)])
-    loops = loops_of_rig(named)
-    end = loops_at(loops, named.settings.force.end_m)
+    parts = split_progress(progress, [_PREPARATION_WORK, _PREPARATION_WORK, len(trials)])
+    loops = read_rig_loops(named)
+    end = loops_at_gap(loops, named.settings.force.end_m)
     force_max = named.settings.force.force_max_N
     ratio = fit_ratio(end, force_max)
     baselines: dict[str, dict[str, Compensator]] = {
@@ -191,27 +196,27 @@ def force_control(
             "single": fit_single_valued(loops, force_max),
         },
     }
-    with whole_folder(out) as folder:
+    with atomic_folder(out) as folder:
         whole = complete_rig(named, loops)
-        found_models = all_of(partial(find_model, whole), [end, loops], next(parts))
+        found_models = map_ordered(partial(identify_force_model, whole), [end, loops], next(parts))
         models = dict(zip(baselines, found_models, strict=True))
-        programs = _programs(whole, models, board, folder, next(parts))
+        programs = _build_programs(whole, models, board, folder, next(parts))
         controllers = {
             scope: Controllers(programs[scope], results, board)
             for scope, results in baselines.items()
         }
-        tasks = [(whole, trial, controllers[SCOPES[trial.stage]]) for trial in trials]
-        outcomes = all_of(_outcome, tasks, next(parts))
-        plant = whole.check(loops, models["stroke"])
-        results = figures(whole, outcomes, board) | {"plant": plant.as_dict()}
-        results["verdict"] = None if results["lost_in"] else verdict_of(results["summary"])
+        tasks = [(whole, trial, controllers[MODEL_SCOPES[trial.stage]]) for trial in trials]
+        outcomes = map_ordered(_run_trial, tasks, next(parts))
+        plant = whole.check_plant(loops, models["stroke"])
+        results = make_figures(whole, outcomes, board) | {"plant": plant.as_dict()}
+        results["verdict"] = None if results["lost_in"] else verdict_dict(results["summary"])
         for outcome in outcomes:
             _write_trial(whole, folder / f"{outcome.trial.name}.{recordings}", outcome)
-        write_json(folder / FIGURES, results)
+        write_json(folder / FIGURES_FILE, results)
     return ForceControl(whole, Path(out), results, tuple(outcomes), plant)
 
 
-def _compared(model: Model) -> tuple[MethodName, ...]:
+def _compiled_methods(model: Model) -> tuple[MethodName, ...]:
     """Return what is compiled of a model: where iron answers late, the same at rest besides."""
     return ("full", "at-rest", "simplified") if model.has_eddy_currents else ("full", "simplified")
 
@@ -237,30 +242,32 @@ def build_program(name: MethodName, model: Model, rate: float, board: str, folde
     )
 
 
-def _program(task: tuple[MethodName, Model, float, str, Path]) -> Program:
+def _build_program(task: tuple[MethodName, Model, float, str, Path]) -> Program:
     return build_program(*task)
 
 
-def _outcome(task: tuple[Rig, ForceTrial, Controllers]) -> ForceOutcome:
+def _run_trial(task: tuple[ForceControlRig, ForceTrial, Controllers]) -> ForceOutcome:
     return run_trial(*task)
 
 
-def _programs(
-    rig: Rig, models: Mapping[str, Model], board: str, folder: Path, progress: Progress
+def _build_programs(
+    rig: ForceControlRig, models: Mapping[str, Model], board: str, folder: Path, progress: Progress
 ) -> dict[str, tuple[Program, ...]]:
     rate = rig.settings.timing.rate_Hz
     tasks = [
         (name, model, rate, board, folder / scope / name)
         for scope, model in models.items()
-        for name in _compared(model)
+        for name in _compiled_methods(model)
     ]
-    made = iter(all_of(_program, tasks, progress))
-    return {scope: tuple(next(made) for _ in _compared(one)) for scope, one in models.items()}
+    made = iter(map_ordered(_build_program, tasks, progress))
+    return {
+        scope: tuple(next(made) for _ in _compiled_methods(one)) for scope, one in models.items()
+    }
 
 
-def _demands(rig: Rig, path: PathLike | None) -> list[Demand]:
+def _collect_demands(rig: ForceControlRig, path: PathLike | None) -> list[Demand]:
     force_max, rate = rig.settings.force.force_max_N, rig.settings.timing.rate_Hz
-    demands = [triangle(shape, force_max, rate) for shape in rig.settings.force_triangles]
+    demands = [triangle_demand(shape, force_max, rate) for shape in rig.settings.force_triangles]
     if path is not None:
         demands.append(_read_demand(rig, path))
     names = [demand.name for demand in demands]
@@ -273,10 +280,10 @@ def _demands(rig: Rig, path: PathLike | None) -> list[Demand]:
     return demands
 
 
-def _read_demand(rig: Rig, path: PathLike) -> Demand:
+def _read_demand(rig: ForceControlRig, path: PathLike) -> Demand:
     """Read a demand and give it the ticks of the controller."""
     table = read_columns(path)
-    time, force = table.need("time", "t_s"), table.need("force", "F_N")
+    time, force = table.require("time", "t_s"), table.require("force", "F_N")
     most = rig.settings.force.force_max_N
     if force.min() < 0.0 or force.max() > most:
         row = int(np.argmax((force < 0.0) | (force > most)))
@@ -285,17 +292,17 @@ def _read_demand(rig: Rig, path: PathLike) -> Demand:
             f"(force_max_N of {rig.path}); lower the demand",
             code="out-of-range",
         )
-    if not 0.0 < time[-1] - time[0] <= LONGEST_DEMAND:
+    if not 0.0 < time[-1] - time[0] <= MAX_DEMAND_S:
         raise InputError(
-            f"{path}: lasts {time[-1] - time[0]:g} s; give a demand of up to {LONGEST_DEMAND:g} s",
+            f"{path}: lasts {time[-1] - time[0]:g} s; give a demand of up to {MAX_DEMAND_S:g} s",
             code="too-long",
         )
     ticks = np.arange(round((time[-1] - time[0]) * rig.settings.timing.rate_Hz) + 1)
     sampled = np.interp(time[0] + ticks * rig.dt, time, force)
-    return with_lead_in("file", sampled, rig.settings.timing.rate_Hz)
+    return add_lead_in("file", sampled, rig.settings.timing.rate_Hz)
 
 
-def _write_trial(rig: Rig, path: Path, outcome: ForceOutcome) -> None:
+def _write_trial(rig: ForceControlRig, path: Path, outcome: ForceOutcome) -> None:
     demand = outcome.trial.demand
     time = (np.arange(demand.force.size) - demand.lead_in) * rig.dt
     columns = {
@@ -307,6 +314,6 @@ def _write_trial(rig: Rig, path: Path, outcome: ForceOutcome) -> None:
         columns[f"F_{name}_N"] = np.round(recording["force_N"], 5)
         columns[f"F_{name}_read_N"] = np.round(recording["force_read_N"], 5)
         columns[f"I_{name}_A"] = np.round(recording["current_A"], 7)
-        if name in outcome.simulated:
-            columns[f"F_{name}_simulated_N"] = np.round(outcome.simulated[name], 5)
+        if name in outcome.simulated_force:
+            columns[f"F_{name}_simulated_N"] = np.round(outcome.simulated_force[name], 5)
     Recording(columns).save(path)

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from anhyst.compensate.force_controller import Compensator
-from anhyst.compensate.methods import MODELS
+from anhyst.compensate.methods import MODEL_METHODS
 from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.bench.force import run_firmware
 from anhyst_rigs.rig.force.bench import (
@@ -19,14 +19,14 @@ from anhyst_rigs.rig.force.bench import (
     moving_gap,
     run_open_loop,
 )
-from anhyst_rigs.rig.force.file import Rig
-from anhyst_rigs.rig.force.programs import Program, ticks_that_differ
-from anhyst_rigs.rig.recording import Recording, SignalBound, find_loss, peak
-from anhyst_rigs.study.engine.table import ComparedFigure, Judgement, judge
-from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
+from anhyst_rigs.rig.force.file import ForceControlRig
+from anhyst_rigs.rig.force.programs import Program, count_differing_ticks
+from anhyst_rigs.rig.recording import Recording, SignalBound, find_loss, peak_deviation
+from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
+from anhyst_rigs.study.engine.table import ComparedFigure, Judgement, judge_against_baselines
 
-Stage = Literal["end", "positions", "moving"]
-Start = Literal["unknown", "demagnetised"]
+TrialStage = Literal["end", "positions", "moving"]
+InitialState = Literal["unknown", "demagnetised"]
 
 
 @dataclass(frozen=True)
@@ -35,27 +35,27 @@ class ForceTrial:
 
     # ``"end"``: models of the stroke's end, there; ``"positions"``: models of the whole stroke, the
     # armature held; ``"moving"``: the same, the armature moving
-    stage: Stage
+    stage: TrialStage
     demand: Demand  # what is wanted
     position: float | None  # of the armature, m; None where it moves
     # ``"unknown"``: the iron has any past, and the controller begins with its start-up sequence;
     # ``"demagnetised"``: iron and controller begin there
-    start: Start
+    initial_state: InitialState
     number: int  # of all trials; decides the noise
 
     @property
     def name(self) -> str:
         """For files: ``positions_1.25mm_wide``."""
         at = "" if self.position is None else f"_{1e3 * self.position:.2f}mm"
-        past = "_demagnetised" if self.start == "demagnetised" else ""
+        past = "_demagnetised" if self.initial_state == "demagnetised" else ""
         return f"{self.stage}{at}_{self.demand.name}{past}"
 
-    def gap(self, rig: Rig) -> FloatArray:
+    def gap(self, rig: ForceControlRig) -> FloatArray:
         """Return where the armature is at every tick, m."""
         ticks = self.demand.force.size
         if self.position is not None:
             return np.full(ticks, self.position)
-        return moving_gap(rig.settings.moving, ticks, rig.settings.timing.rate_Hz)
+        return moving_gap(rig.settings.moving_case, ticks, rig.settings.timing.rate_Hz)
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Controllers:
     @property
     def conditioning(self) -> list[float]:
         """Turning points of the start-up sequence, A."""
-        return self.programs[0].conditioning
+        return self.programs[0].conditioning_currents
 
 
 @dataclass(frozen=True)
@@ -83,22 +83,22 @@ class ForceOutcome:
     recordings: Mapping[str, Recording]
     # for each firmware the force, N, that its simulated program expects: the same arithmetic, with
     # the model instead of the solenoid
-    simulated: Mapping[str, FloatArray] = field(default_factory=dict)
+    simulated_force: Mapping[str, FloatArray] = field(default_factory=dict)
     # for each firmware the ticks at which the simulated program gave another current
-    differing: Mapping[str, int] = field(default_factory=dict)
+    differing_ticks: Mapping[str, int] = field(default_factory=dict)
 
 
-def plan_trials(rig: Rig, demands: list[Demand]) -> Iterator[ForceTrial]:
+def plan_trials(rig: ForceControlRig, demands: list[Demand]) -> Iterator[ForceTrial]:
     """Name all trials, in the order of the paper."""
     settings = rig.settings
     number = 0
     for demand in demands:
-        starts: tuple[Start, ...] = ("unknown", "demagnetised")
+        starts: tuple[InitialState, ...] = ("unknown", "demagnetised")
         for start in starts:
             yield ForceTrial("end", demand, settings.force.end_m, start, number)
             number += 1
     for demand in demands:
-        for position in settings.held.gaps_m:
+        for position in settings.held_case.gaps_m:
             yield ForceTrial("positions", demand, position, "unknown", number)
             number += 1
     for demand in demands:
@@ -106,10 +106,10 @@ def plan_trials(rig: Rig, demands: list[Demand]) -> Iterator[ForceTrial]:
         number += 1
 
 
-def run_trial(rig: Rig, trial: ForceTrial, controllers: Controllers) -> ForceOutcome:
+def run_trial(rig: ForceControlRig, trial: ForceTrial, controllers: Controllers) -> ForceOutcome:
     """Run one trial under every controller of its stage; all see the same noise."""
     gap, seed = trial.gap(rig), [1, trial.number]
-    demagnetised = trial.start == "demagnetised"
+    demagnetised = trial.initial_state == "demagnetised"
     recordings: dict[str, Recording] = {}
     simulated: dict[str, FloatArray] = {}
     differing: dict[str, int] = {}
@@ -117,7 +117,7 @@ def run_trial(rig: Rig, trial: ForceTrial, controllers: Controllers) -> ForceOut
     def stand() -> ActuatorStand:
         fresh = ActuatorStand(rig, seed)
         if not demagnetised:
-            fresh.give_past(gap[0])
+            fresh.apply_random_history(gap[0])
         return fresh
 
     for program in controllers.programs:
@@ -125,9 +125,9 @@ def run_trial(rig: Rig, trial: ForceTrial, controllers: Controllers) -> ForceOut
             rig, program, stand(), gap, trial.demand, controllers.board, demagnetised
         )
         recordings[program.name] = recording
-        differing[program.name] = ticks_that_differ(program, session)
-        simulated[program.name] = _expected(program, recording, demagnetised)
-    known = rig.instruments(seed)["gap"].read(gap)
+        differing[program.name] = count_differing_ticks(program, session)
+        simulated[program.name] = _predict_force(program, recording, demagnetised)
+    known = rig.make_sensors(seed)["gap"].read(gap)
     for name, baseline in controllers.baselines.items():
         driven = stand()
         if not demagnetised:
@@ -136,9 +136,9 @@ def run_trial(rig: Rig, trial: ForceTrial, controllers: Controllers) -> ForceOut
     return ForceOutcome(trial, recordings, simulated, differing)
 
 
-def _expected(program: Program, recording: Recording, demagnetised: bool) -> FloatArray:
+def _predict_force(program: Program, recording: Recording, demagnetised: bool) -> FloatArray:
     """Force of the model under the currents of the program: it has neither noise nor delay."""
-    turns = ",".join(repr(turn) for turn in [0.0, *program.conditioning])
+    turns = ",".join(repr(turn) for turn in [0.0, *program.conditioning_currents])
     history = "demagnetised" if demagnetised else f"conditioned:{turns}"
     model = program.model
     gap = recording["gap_read_m"] if model.needs_schedule else None
@@ -146,7 +146,7 @@ def _expected(program: Program, recording: Recording, demagnetised: bool) -> Flo
     return model.predict(recording["command_A"], gap, time, history=history).output
 
 
-TITLES: Mapping[str, str] = {
+CONTROLLER_TITLES: Mapping[str, str] = {
     "full": "full",
     "at-rest": "full, iron at rest",
     "simplified": "simplified",
@@ -155,7 +155,7 @@ TITLES: Mapping[str, str] = {
     "ratio_over_gap": "ratio for each gap",
 }
 """Controllers, the best first, and what tables call them."""
-STAGES: Mapping[str, str] = {
+STAGE_TITLES: Mapping[str, str] = {
     "end": "stroke's end, after the start-up sequence",
     "end_demagnetised": "stroke's end, from demagnetised",
     "positions": "row of positions",
@@ -164,10 +164,10 @@ STAGES: Mapping[str, str] = {
 """Groups of trials as tables call them, by their keys in ``figures.json``."""
 
 
-def errors_of(deviation: FloatArray, force_max: float) -> dict[str, float]:
+def error_figures(deviation: FloatArray, force_max: float) -> dict[str, float]:
     """Sum up how far a force is from the demand, N and per cent of the largest force of the rig."""
     errors = {
-        "worst": peak(deviation),
+        "worst": peak_deviation(deviation),
         "rms": rms(deviation),
         "mean": float(np.abs(deviation).mean()),
     }
@@ -175,7 +175,7 @@ def errors_of(deviation: FloatArray, force_max: float) -> dict[str, float]:
     return newtons | {f"{name}_percent": 100.0 * one / force_max for name, one in errors.items()}
 
 
-def score(outcome: ForceOutcome, force_max: float) -> dict[str, dict[str, Any]]:
+def evaluate_outcome(outcome: ForceOutcome, force_max: float) -> dict[str, dict[str, Any]]:
     """Score every controller of a trial, after the lead-in.
 
     ``true`` is the force that only a simulation knows, ``read`` as its sensor reads it, with noise
@@ -185,16 +185,18 @@ def score(outcome: ForceOutcome, force_max: float) -> dict[str, dict[str, Any]]:
     demand, scores = outcome.trial.demand, {}
     for name, recording in outcome.recordings.items():
         forces = {"true": recording["force_N"], "read": recording["force_read_N"]}
-        if name in outcome.simulated:
-            forces["simulated"] = outcome.simulated[name]
+        if name in outcome.simulated_force:
+            forces["simulated"] = outcome.simulated_force[name]
         scores[name] = {
-            what: errors_of((force - demand.force)[demand.lead_in :], force_max)
+            what: error_figures((force - demand.force)[demand.lead_in :], force_max)
             for what, force in forces.items()
-        } | ({"differing": outcome.differing[name]} if name in outcome.differing else {})
+        } | (
+            {"differing": outcome.differing_ticks[name]} if name in outcome.differing_ticks else {}
+        )
     return scores
 
 
-def stage_of(trial: Mapping[str, Any]) -> str:
+def stage_key(trial: Mapping[str, Any]) -> str:
     """Return the group of a trial, a key of :data:`STAGES`."""
     return str(trial["stage"]) + ("_demagnetised" if trial["start"] == "demagnetised" else "")
 
@@ -213,7 +215,7 @@ def worst_errors(
     return groups
 
 
-def summary(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+def summarise_errors(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the worst errors of each stage by controller, and against the single-valued curve."""
     return {
         stage: {
@@ -221,14 +223,14 @@ def summary(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
                 **errors[name],
                 "of_single": errors[name]["worst_percent"] / errors["single"]["worst_percent"],
             }
-            for name in TITLES
+            for name in CONTROLLER_TITLES
             if name in errors
         }
-        for stage, errors in worst_errors(trials, stage_of).items()
+        for stage, errors in worst_errors(trials, stage_key).items()
     }
 
 
-def lost_in(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
+def find_losses(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
     """Name every trial in which the force of ``full`` left all proportion, when and how."""
     lost = []
     for outcome in outcomes:
@@ -245,7 +247,9 @@ def lost_in(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
     return lost
 
 
-def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str, Any]:
+def make_figures(
+    rig: ForceControlRig, outcomes: Sequence[ForceOutcome], board: str
+) -> dict[str, Any]:
     """Return everything measured, as ``figures.json`` holds it."""
     force_max = rig.settings.force.force_max_N
     trials = [
@@ -253,8 +257,8 @@ def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str,
             "stage": outcome.trial.stage,
             "demand": outcome.trial.demand.name,
             "position_m": outcome.trial.position,
-            "start": outcome.trial.start,
-            "controllers": score(outcome, force_max),
+            "start": outcome.trial.initial_state,
+            "controllers": evaluate_outcome(outcome, force_max),
         }
         for outcome in outcomes
     ]
@@ -265,10 +269,10 @@ def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str,
         "force_max_N": force_max,
         "rate_Hz": rig.settings.timing.rate_Hz,
         "force_noise_N": rig.settings.force_sensor.noise_N,
-        "firmware_ticks": sum(o.trial.demand.force.size * len(o.differing) for o in outcomes),
-        "ticks_that_differ": sum(sum(o.differing.values()) for o in outcomes),
-        "lost_in": lost_in(outcomes, force_max),
-        "summary": summary(trials),
+        "firmware_ticks": sum(o.trial.demand.force.size * len(o.differing_ticks) for o in outcomes),
+        "ticks_that_differ": sum(sum(o.differing_ticks.values()) for o in outcomes),
+        "lost_in": find_losses(outcomes, force_max),
+        "summary": summarise_errors(trials),
         "trials": trials,
     }
 
@@ -281,7 +285,7 @@ def strongest_baselines(summary: Summary) -> dict[str, str]:
     """Return for every stage the controller without a model whose worst error is least."""
     return {
         stage: min(
-            (name for name in errors if name not in MODELS),
+            (name for name in errors if name not in MODEL_METHODS),
             key=lambda name: errors[name]["worst_percent"],
         )
         for stage, errors in summary.items()
@@ -293,17 +297,19 @@ def judge_stages(summary: Summary) -> Judgement:
     compared = [
         ComparedFigure(
             stage,
-            TITLES[name],
+            CONTROLLER_TITLES[name],
             summary[stage]["full"]["worst_percent"],
             summary[stage][name]["worst_percent"],
             0.0,
         )
         for stage, name in strongest_baselines(summary).items()
     ]
-    return judge("worst error of full", compared, "stages", WHERE_IT_PAYS["force"])
+    return judge_against_baselines(
+        "worst error of full", compared, "stages", BENEFICIAL_CONDITIONS["force"]
+    )
 
 
-def verdict_of(summary: Summary) -> dict[str, Any]:
+def verdict_dict(summary: Summary) -> dict[str, Any]:
     """Return the verdict as ``figures.json`` holds it."""
     judged = judge_stages(summary)
     strongest = strongest_baselines(summary)

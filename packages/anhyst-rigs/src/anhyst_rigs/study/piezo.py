@@ -24,48 +24,56 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.data import Loop, Loops
 from anhyst.data.path import History
 from anhyst.identification import identify
-from anhyst.identification.run import whole_search
+from anhyst.identification.run import require_complete
 from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray, rms
-from anhyst.support.result import columns_of
+from anhyst.support.result import rows_to_columns
 from anhyst.support.units import QUANTITIES
-from anhyst_rigs.rig.measuring import read_stack
-from anhyst_rigs.rig.piezo import SEED, PiezoRig, at_rest, notch_of, piezo_loss, rounded, triangle
-from anhyst_rigs.rig.recording import Recording, peak
+from anhyst_rigs.rig.measuring import measure_stack_displacement
+from anhyst_rigs.rig.piezo import (
+    NOISE_SEED,
+    PiezoRig,
+    copy_at_rest,
+    find_piezo_loss,
+    make_notch,
+    round_corners,
+    triangle_wave,
+)
+from anhyst_rigs.rig.recording import Recording, peak_deviation
+from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
 from anhyst_rigs.study.engine.table import (
-    FIGURES,
+    FIGURES_FILE,
     ComparedFigure,
     Judgement,
     Metric,
     StudyResult,
-    judge,
+    judge_against_baselines,
 )
-from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LOOP_SECONDS = 1.0
+LOOP_PERIOD_S = 1.0
 """A full cycle of the loops."""
-LOOP_STEP = 1e-3
+LOOP_SAMPLE_S = 1e-3
 """From sample to sample of the loops, s."""
-CYCLES = ((0.0, 1.0), (0.0, 1.0), (0.0, 0.8), (0.1, 0.8), (0.1, 0.8), (0.2, 0.6), (0.0, 1.0))
+LOOP_RANGES = ((0.0, 1.0), (0.0, 1.0), (0.0, 0.8), (0.1, 0.8), (0.1, 0.8), (0.2, 0.6), (0.0, 1.0))
 """Ends of the loops, in parts of the amplifier's range: all of it, and what a stage uses."""
-SEGMENTS = 4096
+CURVE_SEGMENTS = 4096
 """Straight ones of a curve without memory."""
-LEAD = 2
+SETTLING_CYCLES = 2
 """Cycles that are not judged: the feedback finds its place."""
-TITLES = {
+COMPENSATION_TITLES = {
     "none": "none (a constant)",
     "single-valued": "best single-valued curve",
     "full": "inverse of play cells, compiled",
 }
 
 
-METRICS = (
+DEVIATION_METRICS = (
     Metric("worst_m", "deviation, worst", "nm", 1e9),
     Metric("rms_m", "deviation, rms", "nm", 1e9),
 )
@@ -88,24 +96,29 @@ class PiezoTracking(StudyResult):
     runs: Mapping[str, Recording]
 
     @property
-    def judged_from(self) -> int:
+    def first_evaluated_tick(self) -> int:
         """Tick from which on a run counts."""
-        return judged_from(self.rig)
+        return first_evaluated_tick(self.rig)
 
     @cached_property
     def errors(self) -> Mapping[str, Mapping[str, float]]:
         """Deviation of every way from the reference, by :data:`METRICS`."""
-        judged = {name: run["error_m"][self.judged_from :] for name, run in self.runs.items()}
-        return {name: {"worst_m": peak(one), "rms_m": rms(one)} for name, one in judged.items()}
+        judged = {
+            name: run["error_m"][self.first_evaluated_tick :] for name, run in self.runs.items()
+        }
+        return {
+            name: {"worst_m": peak_deviation(one), "rms_m": rms(one)}
+            for name, one in judged.items()
+        }
 
     @property
     def lost_in(self) -> list[str]:
         """Return with what the loop was lost, when and how."""
-        return [f"{name} {run.lost}" for name, run in self.runs.items() if run.lost]
+        return [f"{name} {run.loss_text}" for name, run in self.runs.items() if run.loss_text]
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult where the loop with compensation was lost."""
-        if lost := self.runs["full"].lost:
+        if lost := self.runs["full"].loss_text:
             raise NegativeResult(
                 f"the loop was lost {lost}: a bandwidth of "
                 f"{self.rig.settings.displacement.bandwidth_Hz:g} Hz does not hold this stage; "
@@ -113,7 +126,7 @@ class PiezoTracking(StudyResult):
                 code="loop-lost",
             )
 
-    def ratio(self, key: str = "rms_m") -> float:
+    def deviation_ratio(self, key: str = "rms_m") -> float:
         """Return a deviation with compensation over that without."""
         return self.errors["full"][key] / self.errors["none"][key]
 
@@ -122,7 +135,7 @@ class PiezoTracking(StudyResult):
         """Whether compensation is worth it, by the rms."""
         if self.lost_in:
             return Judgement("unknown", f"the loop was lost: {'; '.join(self.lost_in)}")
-        return judge_ratio(self.ratio())
+        return judge_ratio(self.deviation_ratio())
 
     def facts(self) -> dict[str, str]:
         """Return the deviation of every way from the reference."""
@@ -134,7 +147,7 @@ class PiezoTracking(StudyResult):
 
     def to_columns(self) -> dict[str, Any]:
         """Return the deviation of every way from the reference, m."""
-        return columns_of([{"compensation": name, **one} for name, one in self.errors.items()])
+        return rows_to_columns([{"compensation": name, **one} for name, one in self.errors.items()])
 
     def draw(self, ax: Axes) -> None:
         """Draw the deviation of every way over time."""
@@ -154,39 +167,43 @@ class PiezoTracking(StudyResult):
                 f"x_{key}_m": run["position_m"],
                 f"e_{key}_m": run["error_m"],
             }
-        self.write_figures(Path(path).parent / FIGURES)
+        self.write_figures(Path(path).parent / FIGURES_FILE)
         return Recording(columns).save(path)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures, for JSON."""
         return {
             "lost_in": self.lost_in,
-            "rms_with_over_without": self.ratio("rms_m"),
-            "worst_with_over_without": self.ratio("worst_m"),
+            "rms_with_over_without": self.deviation_ratio("rms_m"),
+            "worst_with_over_without": self.deviation_ratio("worst_m"),
             "errors": dict(self.errors),
         }
 
 
-def track(rig: PiezoRig) -> PiezoTracking:
+def simulate_tracking(rig: PiezoRig) -> PiezoTracking:
     """Identify, compile and follow the triangle in all ways."""
-    target, ways = reference(rig), find_inverses(rig)
-    return PiezoTracking(rig, {name: follow(rig, target, way) for name, way in ways.items()})
+    target, ways = make_reference(rig), find_inverses(rig)
+    return PiezoTracking(
+        rig, {name: follow_reference(rig, target, way) for name, way in ways.items()}
+    )
 
 
-def judged_from(rig: PiezoRig) -> int:
+def first_evaluated_tick(rig: PiezoRig) -> int:
     """Return the tick from which on a run counts."""
-    return round(LEAD * rig.settings.timing.rate_Hz / rig.settings.moved.frequency_Hz)
+    return round(
+        SETTLING_CYCLES * rig.settings.timing.rate_Hz / rig.settings.displacement_case.frequency_Hz
+    )
 
 
 def find_inverses(rig: PiezoRig, loops: Loops | None = None) -> dict[str, ForceController]:
     """Make every way from displacement to voltage, of loops of the stage or of some measured now."""
     try:
-        notch_of(rig.settings)  # before the work
+        make_notch(rig.settings)  # before the work
     except InputError as error:
-        raise error.at(rig.path) from error
-    loops = loops or measure(rig)
-    model = whole_search(identify(loops)).model
-    target = reference(rig)
+        raise error.with_location(rig.path) from error
+    loops = loops or measure_stage_loops(rig)
+    model = require_complete(identify(loops)).model
+    target = make_reference(rig)
     top = float(loops.loops[0].output.max())
     if target.max() > top:
         raise InputError(
@@ -196,50 +213,54 @@ def find_inverses(rig: PiezoRig, loops: Loops | None = None) -> dict[str, ForceC
             key="case",
         )
     return {
-        "none": _constant(loops, rig),
-        "single-valued": _single_valued(loops, rig),
-        "full": _compiled(model, rig),
+        "none": _constant_inverse(loops, rig),
+        "single-valued": _single_valued_inverse(loops, rig),
+        "full": _compiled_inverse(model, rig),
     }
 
 
-def measure(rig: PiezoRig) -> Loops:
+def measure_stage_loops(rig: PiezoRig) -> Loops:
     """Return loops of the virtual stage, as its sensor reads them, from long rest at 0 V."""
     top = rig.settings.stack_amplifier.high_V
-    pace = 2.0 * top / LOOP_SECONDS
-    points = top * np.array([0.0, *(end for low, high in CYCLES for end in (low, high, low)), 0.0])
+    pace = 2.0 * top / LOOP_PERIOD_S
+    points = top * np.array(
+        [0.0, *(end for low, high in LOOP_RANGES for end in (low, high, low)), 0.0]
+    )
     when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
-    time = np.arange(0.0, when[-1], LOOP_STEP)
+    time = np.arange(0.0, when[-1], LOOP_SAMPLE_S)
     drive = np.interp(time, when, points)
-    read = read_stack(rig, drive, LOOP_STEP, SEED)
+    read = measure_stack_displacement(rig, drive, LOOP_SAMPLE_S, NOISE_SEED)
     loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
     return Loops((loop,), QUANTITIES["voltage"], QUANTITIES["displacement"])
 
 
-def reference(rig: PiezoRig) -> FloatArray:
+def make_reference(rig: PiezoRig) -> FloatArray:
     """Return the triangle, its corners rounded, from rest at its low end."""
-    want, rate = rig.settings.moved, rig.settings.timing.rate_Hz
+    want, rate = rig.settings.displacement_case, rig.settings.timing.rate_Hz
     ticks = round(want.cycles * rate / want.frequency_Hz)
-    raw = want.low_m + want.stroke_m * triangle(
+    raw = want.low_m + want.stroke_m * triangle_wave(
         np.arange(ticks, dtype=np.float64) * want.frequency_Hz / rate
     )
-    return rounded(np.concatenate([np.full(rig.width, raw[0]), raw]), rig.width)
+    return round_corners(np.concatenate([np.full(rig.corner_ticks, raw[0]), raw]), rig.corner_ticks)
 
 
-def _constant(loops: Loops, rig: PiezoRig) -> ForceController:
+def _constant_inverse(loops: Loops, rig: PiezoRig) -> ForceController:
     drive, answer = (np.concatenate([getattr(loop, name) for loop in loops.loops])
                      for name in ("input", "output"))  # fmt: skip
     slope, offset = np.polyfit(answer, drive, 1)
-    return _without_memory(rig, np.polynomial.Polynomial([offset, slope]), float(answer.max()), 1)
+    return _make_curve_inverse(
+        rig, np.polynomial.Polynomial([offset, slope]), float(answer.max()), 1
+    )
 
 
-def _single_valued(loops: Loops, rig: PiezoRig) -> ForceController:
+def _single_valued_inverse(loops: Loops, rig: PiezoRig) -> ForceController:
     """Return the best voltage over displacement without memory: a polynomial of fifth degree."""
     loop = loops.loops[0]
     curve = np.polynomial.Polynomial.fit(loop.output, loop.input, 5)
-    return _without_memory(rig, curve, float(loop.output.max()), SEGMENTS)
+    return _make_curve_inverse(rig, curve, float(loop.output.max()), CURVE_SEGMENTS)
 
 
-def _without_memory(
+def _make_curve_inverse(
     rig: PiezoRig, curve: np.polynomial.Polynomial, top: float, segments: int
 ) -> ForceController:
     """Return a curve over displacements of 0 to top, m, as a table that may not fall."""
@@ -250,7 +271,7 @@ def _without_memory(
     return ForceController("ratio" if segments == 1 else "single-valued", "f64", curves)
 
 
-def _compiled(model: Model, rig: PiezoRig) -> ForceController:
+def _compiled_inverse(model: Model, rig: PiezoRig) -> ForceController:
     """Return the inverse of the model as it is compiled, signals of 32 bits."""
     request = CompileRequest("full", "q15", rig.settings.timing.rate_Hz)
     plan = make_plan(replace(model, dynamics=None), request, 0)
@@ -258,12 +279,12 @@ def _compiled(model: Model, rig: PiezoRig) -> ForceController:
     return ForceController("full", "fixed", HysteresisInverse(plan.block, plan.sizes.iterations))
 
 
-def follow(
+def follow_reference(
     rig: PiezoRig,
     target: FloatArray,
     inverse: ForceController,
     plant: PiezoRig | None = None,
-    noise_seed: int = SEED,
+    noise_seed: int = NOISE_SEED,
 ) -> Recording:
     """Run the loop: feedforward of the reference, an integrator, one sample of delay.
 
@@ -273,8 +294,8 @@ def follow(
         noise_seed
     ).standard_normal(target.size)
     time = rig.dt * np.arange(target.size, dtype=np.float64)
-    expected = np.interp(time - rig.lateness, time, target)
-    loop = rig.make_loop(plant or rig, at_rest(inverse))
+    expected = np.interp(time - rig.response_delay, time, target)
+    loop = rig.make_loop(plant or rig, copy_at_rest(inverse))
     table = loop.run(target, expected, noise, np.zeros(target.size))
     position, _, corrected, voltage = table.T.copy()
     error = position - expected
@@ -285,14 +306,16 @@ def follow(
         "error_m": error,
         "voltage_V": voltage,
     }
-    return Recording(columns, piezo_loss(rig, error, corrected - target))
+    return Recording(columns, find_piezo_loss(rig, error, corrected - target))
 
 
-WORTH_IT = 0.5
+MAX_WORTHWHILE_RATIO = 0.5
 """Deviation of a piezo stage, in parts of that without compensation, below which it is worth it."""
 
 
 def judge_ratio(ratio: float) -> Judgement:
     """Say whether compensation is worth it that leaves this part of the deviation."""
-    compared = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - WORTH_IT)
-    return judge("compensation", [compared], "measures", WHERE_IT_PAYS["piezo"])
+    compared = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - MAX_WORTHWHILE_RATIO)
+    return judge_against_baselines(
+        "compensation", [compared], "measures", BENEFICIAL_CONDITIONS["piezo"]
+    )

@@ -15,56 +15,62 @@ import numpy as np
 
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import make_compensator
-from anhyst.compensate.sources import Operating, Sources
+from anhyst.compensate.sources import OperatingRange, Sources
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
 from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike
-from anhyst.support.jobs import Progress, all_of
+from anhyst.support.jobs import Progress, map_ordered
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import rms
-from anhyst_rigs.rig.bearing.held import lost_at
+from anhyst_rigs.rig.bearing.held import levitation_loss_time
 from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setups
-from anhyst_rigs.rig.bearing.scenario import steps_up_and_down
+from anhyst_rigs.rig.bearing.scenario import plan_steps
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.drift import Drift, drifted_file, drifted_plant
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
-from anhyst_rigs.rig.force.bench import ActuatorStand, run_open_loop, triangle
-from anhyst_rigs.rig.force.file import Rig, read_rig
-from anhyst_rigs.rig.force.programs import find_model, loops_of_rig
+from anhyst_rigs.rig.force.bench import ActuatorStand, run_open_loop, triangle_demand
+from anhyst_rigs.rig.force.file import ForceControlRig, read_rig
+from anhyst_rigs.rig.force.programs import identify_force_model, read_rig_loops
 from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
-from anhyst_rigs.rig.recording import Recording, peak
+from anhyst_rigs.rig.recording import Recording, peak_deviation
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.fitted import identify_stage
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
-from anhyst_rigs.rig.stage.setpoint import motion_of
+from anhyst_rigs.rig.stage.setpoint import scan_motion
 from anhyst_rigs.rig.tables import SPREADS
-from anhyst_rigs.study.bearing.ready import make_ready, read_files
-from anhyst_rigs.study.bearing.responses import position_resolution, step_figures
+from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
+from anhyst_rigs.study.bearing.responses import evaluate_step, position_resolution
+from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
 from anhyst_rigs.study.engine.monte_carlo import PlantFigure, Plants
-from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 from anhyst_rigs.study.force_trials import ForceTrial, plan_trials
-from anhyst_rigs.study.piezo import METRICS, find_inverses, follow, judged_from, reference
-from anhyst_rigs.study.tracking.learner import at_work
+from anhyst_rigs.study.piezo import (
+    DEVIATION_METRICS,
+    find_inverses,
+    first_evaluated_tick,
+    follow_reference,
+    make_reference,
+)
+from anhyst_rigs.study.tracking.estimator import calibrate_running_stage
 from anhyst_rigs.study.tracking.measures import (
-    AVERAGE,
-    PEAK,
-    SETTLING,
-    cross_metrics,
+    MOVING_AVERAGE,
+    PEAK_ERROR,
+    SETTLING_TIME,
     cross_talk,
+    cross_talk_metrics,
     measure,
-    still_axes,
+    stationary_axes,
 )
 from anhyst_rigs.study.tracking.simulate import (
-    LEARNING,
-    OWN,
+    COMPENSATOR,
+    TRAINING_SEED,
     check_calibration,
     make_variants,
     refuse_unstable,
-    settle,
+    tune_and_calibrate,
 )
 
 STANDSTILL_S = 0.25
@@ -81,24 +87,24 @@ def bearing_plants(
     """Return what plants of a bearing are run with; the controller is that of the nominal one."""
     own = controller.settings.compensation.variant
     names = tuple(dict.fromkeys((*BEARING_METHODS, own))) if methods is None else tuple(methods)
-    ready = make_ready(rig, controller)
-    setups = make_setups(ready.rig, controller, ready.knowledge(), names)
+    ready = check_inputs(rig, controller)
+    setups = make_setups(ready.rig, controller, ready.identify_magnet(), names)
     heights = tuple(rig.settings.step.heights_m), "height_m"
-    files = [*rig.measured.files, rig.model, rig.flux_table, controller.model]
+    files = [*rig.measured_loops.files, rig.model_path, rig.flux_table_path, controller.model]
     return Plants(
         file=ready.rig.settings,
         run=partial(run_bearing, setups),
         methods=names,
-        own=own if own in names else names[-1],
+        own_method=own if own in names else names[-1],
         figures=(
             PlantFigure("overshoot_percent", "overshoot", "%", 1.0, *heights),
             PlantFigure("settling_s", "settling", "ms", 1e3, *heights),
             PlantFigure("standstill_rms_m", "standstill, rms", "nm", 1e9),
         ),
-        read=tuple(path for path in files if path is not None),
-        depends={"controller": controller.settings.model_dump_json()},
+        input_files=tuple(path for path in files if path is not None),
+        setting_texts={"controller": controller.settings.model_dump_json()},
         seed=rig.settings.seed if seed is None else seed,
-        where_it_pays=WHERE_IT_PAYS["feedback"],
+        beneficial_condition=BENEFICIAL_CONDITIONS["feedback"],
     )
 
 
@@ -108,20 +114,20 @@ def run_bearing(
     """Judge one plant; what lost levitation has no figures."""
     setup = setups[method]
     rig, tried = setup.rig, setup.rig.settings
-    scenario = steps_up_and_down(
+    scenario = plan_steps(
         rig, setup.controller, tried.gap_m, tried.step.heights_m, rest=STANDSTILL_S
     )
     loop = SimulatedLoop(setup, plant=drifted_plant(rig, drift, noise))
     recording = loop.run(scenario)
-    lost = lost_at(rig, recording, scenario.lifted)
+    lost = levitation_loss_time(rig, recording, scenario.lift_end_tick)
     if lost is None and len(recording) < scenario.ticks:
         lost = float(recording["t_s"][-1])
     if lost is not None:
         return {"lost_s": lost}
-    return _judge(rig, drifted_file(tried, drift), scenario, recording)
+    return _evaluate_steps(rig, drifted_file(tried, drift), scenario, recording)
 
 
-def _judge(
+def _evaluate_steps(
     rig: BodyRig, drifted: RigFile, scenario: Scenario, recording: Recording
 ) -> dict[str, Any]:
     """Judge what an ideal sensor with this gain and offset reads: an offset alone is no overshoot."""
@@ -132,7 +138,7 @@ def _judge(
     overshoot, settling = [0.0] * len(heights), [0.0] * len(heights)
     for number, step in enumerate(scenario.steps):
         rows = slice(step.begin - 1, step.end)
-        figures = step_figures(time[rows], reference[rows], read[rows], position_resolution(rig))
+        figures = evaluate_step(time[rows], reference[rows], read[rows], position_resolution(rig))
         index = number // 2
         overshoot[index] = max(overshoot[index], figures.overshoot_percent)
         settling[index] = max(settling[index], figures.settling_in_noise_s)
@@ -154,17 +160,19 @@ def read_bearing_plants(
 FORCE_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
 
 
-def force_plants(rig: Rig, model: Model | None = None, loops: Loops | None = None) -> Plants:
+def force_plants(
+    rig: ForceControlRig, model: Model | None = None, loops: Loops | None = None
+) -> Plants:
     """Return what plants of a force rig are run with: at every position, and moving.
 
     Its loops are those that its file names, or others of it.
     """
-    loops = loops or loops_of_rig(rig)
+    loops = loops or read_rig_loops(rig)
     rig = complete_rig(rig, loops)
-    model, settings = model or find_model(rig, loops), rig.settings
+    model, settings = model or identify_force_model(rig, loops), rig.settings
     gaps = sorted(gap for gap in loops.by_schedule() if gap is not None)
     force_max = settings.force.force_max_N
-    operating = Operating(
+    operating = OperatingRange(
         gap=0.5 * (gaps[0] + gaps[-1]),
         force=0.5 * force_max,
         rate=settings.timing.rate_Hz,
@@ -174,23 +182,23 @@ def force_plants(rig: Rig, model: Model | None = None, loops: Loops | None = Non
     )
     sources = Sources(operating, loops, model)
     compensators = {name: make_compensator(name, sources, "fixed") for name in FORCE_METHODS}
-    cases = tuple(trial.name for trial in _trials(rig)), "trial"
-    files = [*rig.measured.files]
+    cases = tuple(trial.name for trial in _plan_trials(rig)), "trial"
+    files = [*rig.measured_loops.files]
     if settings.solenoid is not None:
         files.append(rig.path.parent / settings.solenoid.file)
     return Plants(
         file=settings,
         run=partial(run_force, rig, compensators),
         methods=FORCE_METHODS,
-        own="full",
+        own_method="full",
         figures=(
             PlantFigure("rms_N", "force error, rms", "N", 1.0, *cases),
             PlantFigure("worst_N", "force error, worst", "N", 1.0, *cases),
         ),
-        read=tuple(files),
-        depends={},
+        input_files=tuple(files),
+        setting_texts={},
         seed=settings.seed,
-        where_it_pays=WHERE_IT_PAYS["force"],
+        beneficial_condition=BENEFICIAL_CONDITIONS["force"],
     )
 
 
@@ -201,14 +209,14 @@ def read_force_plants(
     return force_plants(read_rig(rig))
 
 
-def _trials(rig: Rig) -> list[ForceTrial]:
+def _plan_trials(rig: ForceControlRig) -> list[ForceTrial]:
     force_max, rate = rig.settings.force.force_max_N, rig.settings.timing.rate_Hz
-    demands = [triangle(shape, force_max, rate) for shape in rig.settings.force_triangles]
+    demands = [triangle_demand(shape, force_max, rate) for shape in rig.settings.force_triangles]
     return [trial for trial in plan_trials(rig, demands) if trial.stage != "end"]
 
 
 def run_force(
-    rig: Rig,
+    rig: ForceControlRig,
     compensators: Mapping[MethodName, ForceController],
     method: MethodName,
     drift: Drift,
@@ -217,31 +225,31 @@ def run_force(
     """Control the force of a plant in every trial, from demagnetised."""
     plant = drifted_rig(rig, drift)
     figures: dict[str, list[float]] = {"rms_N": [], "worst_N": []}
-    for trial in _trials(rig):
+    for trial in _plan_trials(rig):
         gap, seed = trial.gap(rig), [noise, trial.number]
-        known = rig.instruments(seed)["gap"].read(gap) + drift.gap_offset
-        asked = compensators[method].fresh().run(trial.demand.force, known)
+        known = rig.make_sensors(seed)["gap"].read(gap) + drift.gap_offset
+        asked = compensators[method].reset_copy().run(trial.demand.force, known)
         current = (1.0 + drift.first_scale) * asked
         force = run_open_loop(ActuatorStand(plant, seed), gap, current)["force_N"]
         error = (force - trial.demand.force)[trial.demand.lead_in :]
         figures["rms_N"].append(rms(error))
-        figures["worst_N"].append(peak(error))
+        figures["worst_N"].append(peak_deviation(error))
     return figures
 
 
-def drifted_rig(rig: Rig, drift: Drift) -> Rig:
+def drifted_rig(rig: ForceControlRig, drift: Drift) -> ForceControlRig:
     """Return a rig whose iron has drifted, in its own file or in that of its solenoid."""
     file = rig.solenoid_file
     if file is None:
         return replace(rig, settings=drifted_file(rig.settings, drift))
     iron = file.iron
-    keys = iron.drifted(drift.pinning, drift.reversible, drift.saturation)
+    keys = iron.drifted_keys(drift.pinning, drift.reversible, drift.saturation)
     return replace(
         rig, solenoid_file=file.model_copy(update={"iron": iron.model_copy(update=keys)})
     )
 
 
-METHODS: Mapping[MethodName, str] = {
+PIEZO_METHODS: Mapping[MethodName, str] = {
     "ratio": "none",
     "single-valued": "single-valued",
     "full": "full",
@@ -254,16 +262,19 @@ def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
     inverses = find_inverses(rig, loops)
     return Plants(
         file=rig.settings,
-        run=partial(run_piezo, rig, {name: inverses[way] for name, way in METHODS.items()}),
-        methods=tuple(METHODS),
-        own="full",
+        run=partial(run_piezo, rig, {name: inverses[way] for name, way in PIEZO_METHODS.items()}),
+        methods=tuple(PIEZO_METHODS),
+        own_method="full",
         figures=(
-            *(PlantFigure(one.key, one.title, one.unit, one.factor) for one in reversed(METRICS)),
+            *(
+                PlantFigure(one.key, one.title, one.unit, one.factor)
+                for one in reversed(DEVIATION_METRICS)
+            ),
         ),
-        read=(),
-        depends={},
+        input_files=(),
+        setting_texts={},
         seed=rig.settings.seed,
-        where_it_pays=WHERE_IT_PAYS["piezo"],
+        beneficial_condition=BENEFICIAL_CONDITIONS["piezo"],
         single_case="triangle",
     )
 
@@ -284,16 +295,20 @@ def run_piezo(
 ) -> dict[str, Any]:
     """Follow the triangle; the controller knows the nominal stage alone."""
     plant = replace(rig, settings=drifted_file(rig.settings, drift))
-    run = follow(rig, reference(rig), inverses[method], plant, noise)
+    run = follow_reference(rig, make_reference(rig), inverses[method], plant, noise)
     if run.loss is not None:
         return {"lost_s": run.dt * run.loss.tick}
-    error = run["error_m"][judged_from(rig) :]
-    return {"rms_m": rms(error), "worst_m": peak(error)}
+    error = run["error_m"][first_evaluated_tick(rig) :]
+    return {"rms_m": rms(error), "worst_m": peak_deviation(error)}
 
 
-_SPREADS = SPREADS["tracking"]
-_KEYS = {**_SPREADS.whole, **_SPREADS.magnet, "heads": next(iter(_SPREADS.head.values()))}
-ERRORS: Mapping[str, tuple[str, ...]] = {
+_STAGE_SPREADS = SPREADS["tracking"]
+_SPREAD_KEYS = {
+    **_STAGE_SPREADS.rig_wide,
+    **_STAGE_SPREADS.magnet,
+    "heads": next(iter(_STAGE_SPREADS.head.values())),
+}
+ERROR_CASES: Mapping[str, tuple[str, ...]] = {
     "none": (),
     "gap zero": ("gap_offset",),
     "current scale": ("first_scale",),
@@ -305,19 +320,19 @@ ERRORS: Mapping[str, tuple[str, ...]] = {
     "payload": ("mass",),
     "cable": ("cable",),
     "head positions": ("heads",),
-    "all": tuple(_KEYS),
+    "all": tuple(_SPREAD_KEYS),
 }
 """What a plant of a stage has drifted in, case by case, in all of its magnets at once."""
 
 
-def errors_of(file: RigFile) -> Mapping[str, tuple[str, ...]]:
+def varied_errors(file: RigFile) -> Mapping[str, tuple[str, ...]]:
     """Return the cases of a stage: what its file varies, one by one and all at once."""
-    varied = {name for name, key in _KEYS.items() if getattr(file.spread, key) > 0.0}
+    varied = {name for name, key in _SPREAD_KEYS.items() if getattr(file.spread, key) > 0.0}
     if file.magnet.solid is None:
         varied.discard("conductivity")
     return {
         title: names
-        for title, names in ERRORS.items()
+        for title, names in ERROR_CASES.items()
         if title in ("none", "all") or varied.intersection(names)
     }
 
@@ -336,26 +351,31 @@ def stage_plants(
     What a plant has drifted in, case by case, is that of :func:`errors_of` if it is left out.
     """
     check_calibration(rig)
-    known = magnet or identify_stage(rig)
+    known = magnet or identify_stage_magnet(rig)
     made, _ = make_variants(rig, known, names)
-    refuse_unstable(made[OWN])
-    gains = all_of(partial(_find, known), list(made.values()), progress, jobs)
+    refuse_unstable(made[COMPENSATOR])
+    gains = map_ordered(partial(_find_gains, known), list(made.values()), progress, jobs)
     variants = dict(zip(made, zip(made.values(), gains, strict=True), strict=True))
-    errors = errors or errors_of(rig.settings)
+    errors = errors or varied_errors(rig.settings)
     cases = tuple(errors), "error"
     return Plants(
         file=rig.settings,
         run=partial(run_stage, known, variants, errors),
         methods=tuple(made),
-        own=OWN,
+        own_method=COMPENSATOR,
         figures=tuple(
             PlantFigure(metric.key, metric.title, metric.unit, metric.factor, *cases)
-            for metric in (AVERAGE, PEAK, SETTLING, *cross_metrics(rig.settings))
+            for metric in (
+                MOVING_AVERAGE,
+                PEAK_ERROR,
+                SETTLING_TIME,
+                *cross_talk_metrics(rig.settings),
+            )
         ),
-        read=tuple(rig.measured.files),
-        depends={},
+        input_files=tuple(rig.measured_loops.files),
+        setting_texts={},
         seed=rig.settings.seed,
-        where_it_pays=WHERE_IT_PAYS["stage"],
+        beneficial_condition=BENEFICIAL_CONDITIONS["stage"],
         single_case="test set-point",
     )
 
@@ -367,8 +387,8 @@ def read_stage_plants(
     return stage_plants(read_stage(rig), progress=progress)
 
 
-def _find(magnet: IdentifiedMagnet, setup: StageSetup) -> Feedforward:
-    return settle(setup, magnet)[0]
+def _find_gains(magnet: IdentifiedMagnet, setup: StageSetup) -> Feedforward:
+    return tune_and_calibrate(setup, magnet)[0]
 
 
 def run_stage(
@@ -385,17 +405,19 @@ def run_stage(
     """
     setup, gains = variants[method]
     scan = setup.rig.settings.scan
-    motion = motion_of(scan, scan.test_m_per_s2)
+    motion = scan_motion(scan, scan.test_m_per_s2)
     figures: dict[str, list[float]] = {}
     for names in errors.values():
-        plant = replace(setup, drift=drift.alone(names))
-        learner = at_work(plant, magnet, gains, noise + LEARNING)
-        run = track(learner.stage(plant.drift) if learner else plant, motion, gains, noise)
+        plant = replace(setup, drift=drift.select(names))
+        learner = calibrate_running_stage(plant, magnet, gains, noise + TRAINING_SEED)
+        run = track(
+            learner.corrected_stage(plant.drift) if learner else plant, motion, gains, noise
+        )
         if run.loss is not None:
             return {"lost_s": run.dt * run.loss.tick}
         measures = measure(run, motion, scan.slit_s)
-        for metric in (AVERAGE, PEAK, SETTLING):
+        for metric in (MOVING_AVERAGE, PEAK_ERROR, SETTLING_TIME):
             figures.setdefault(metric.key, []).append(getattr(measures, metric.key))
-        for key, largest in cross_talk(run, motion, still_axes(setup.rig.settings)).items():
+        for key, largest in cross_talk(run, motion, stationary_axes(setup.rig.settings)).items():
             figures.setdefault(key, []).append(largest)
     return figures

@@ -7,28 +7,28 @@ import math
 
 import numpy as np
 
-from anhyst.data.loops import Loops, folded, is_even
-from anhyst.data.path import Branch, branches, smooth
-from anhyst.data.verdict import loop_width
+from anhyst.data.loops import Loops, fold_input, is_even
+from anhyst.data.path import Branch, average_in_bins, find_branches
+from anhyst.data.verdict import loop_width_and_height
 from anhyst.support.numeric import FloatArray
 
-_REACH = 0.5
+_REACH_WIDTHS = 0.5
 """Widths of the loop after a reversal that count as just after it."""
-_LEVELS = (0.25, 0.9)
+_OUTPUT_RANGE = (0.25, 0.9)
 """Outputs, in parts of the largest, between which reversals count: not where hardly anything
 answers, nor in saturation."""
-_AROUND = 0.1
+_SLOPE_SPAN = 0.1
 """Share of the range, to either side, over which the slope without memory is taken."""
-_BEFORE = 4
+_TIP_SAMPLES = 4
 """Samples that show where a branch ended."""
 _REVERSAL_BINS = 400
-_FEWEST = 8
+_MIN_SAMPLES = 8
 """Samples from which something is estimated."""
-_UNSURE = 0.05
+_MAX_STANDARD_ERROR = 0.05
 """Standard error above which nothing is estimated."""
 
 
-def reversal_share(loopset: Loops) -> float | None:
+def reversal_slope_ratio(loopset: Loops) -> float | None:
     """Slope of the output just after a rising input was turned back, in parts of the static slope.
 
     Without hysteresis it is one; an iron that is all pinned does not answer at all at first. The
@@ -36,39 +36,41 @@ def reversal_share(loopset: Loops) -> float | None:
     taken together, by least squares. A falling input that is turned leaves more of the slope.
     """
     even = is_even(loopset)
-    reach = _REACH * max(loop_width(loop, even=even)[0] for loop in loopset.loops)
+    reach = _REACH_WIDTHS * max(loop_width_and_height(loop, even=even)[0] for loop in loopset.loops)
     expected: list[FloatArray] = []
     answered: list[FloatArray] = []
     for loops in loopset.by_schedule().values():
-        curves = [folded(loop, even=even) for loop in loops]
+        curves = [fold_input(loop, even=even) for loop in loops]
         every = np.concatenate([size for size, _ in curves])
         answers = np.concatenate([answer for _, answer in curves])
-        low, high = (level * float(np.max(np.abs(answers))) for level in _LEVELS)
-        middle = smooth(every, answers, _REVERSAL_BINS)
+        low, high = (level * float(np.max(np.abs(answers))) for level in _OUTPUT_RANGE)
+        middle = average_in_bins(every, answers, _REVERSAL_BINS)
         for size, answer in curves:
-            for before, after in itertools.pairwise(branches(size)):
-                if not (before.rising and low <= abs(answer[after.start]) <= high):
+            for before, after in itertools.pairwise(find_branches(size)):
+                if not (before.is_rising and low <= abs(answer[after.start]) <= high):
                     continue
-                back, change = _after(size, answer, before, after, reach)
-                expected.append(back * _slope(*middle, float(size[after.start])))
+                back, change = _changes_after_reversal(size, answer, before, after, reach)
+                expected.append(back * _local_slope(*middle, float(size[after.start])))
                 answered.append(change)
-    return _share(np.concatenate(expected), np.concatenate(answered)) if expected else None
+    return (
+        _fit_slope_ratio(np.concatenate(expected), np.concatenate(answered)) if expected else None
+    )
 
 
-def _slope(size: FloatArray, answer: FloatArray, at: float) -> float:
-    near = np.abs(size - at) <= _AROUND * float(np.ptp(size))
-    if np.count_nonzero(near) < _FEWEST:
+def _local_slope(size: FloatArray, answer: FloatArray, at: float) -> float:
+    near = np.abs(size - at) <= _SLOPE_SPAN * float(np.ptp(size))
+    if np.count_nonzero(near) < _MIN_SAMPLES:
         return 0.0
     # A parabola, so that the bend of the curve does not tilt its slope.
     return float(np.polynomial.Polynomial.fit(size[near] - at, answer[near], 2).deriv()(0.0))
 
 
-def _after(
+def _changes_after_reversal(
     size: FloatArray, answer: FloatArray, before: Branch, after: Branch, reach: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return how far input and output went back just after a reversal, sample by sample."""
     tip = after.start
-    rows = slice(max(before.start, tip + 1 - _BEFORE), tip + 1)
+    rows = slice(max(before.start, tip + 1 - _TIP_SAMPLES), tip + 1)
     line = np.polynomial.Polynomial.fit(np.arange(rows.stop - rows.start), answer[rows], 1)
     end = float(line(rows.stop - rows.start - 1))
     back = size[tip + 1 : after.stop] - size[tip]
@@ -77,10 +79,10 @@ def _after(
     return back[:count], answer[tip + 1 : tip + 1 + count] - end
 
 
-def _share(expected: FloatArray, answered: FloatArray) -> float | None:
+def _fit_slope_ratio(expected: FloatArray, answered: FloatArray) -> float | None:
     weight = float(expected @ expected)
-    if expected.size < _FEWEST or weight == 0.0:
+    if expected.size < _MIN_SAMPLES or weight == 0.0:
         return None
     share = float(expected @ answered) / weight
     error = float(np.std(answered - share * expected)) / math.sqrt(weight)
-    return min(max(share, 0.0), 1.0) if error < _UNSURE else None
+    return min(max(share, 0.0), 1.0) if error < _MAX_STANDARD_ERROR else None

@@ -24,26 +24,26 @@ from scipy.special import gammaincinv
 from anhyst.data.clean import DEFAULT_STEPS
 from anhyst.data.output_map import is_actuator
 from anhyst.data.path import HistoryLike
-from anhyst.data.source import LoopSource, loops_from
-from anhyst.model.actuator import Model, model_from
+from anhyst.data.source import LoopSource, load_loops
+from anhyst.model.actuator import Model, resolve_model
 from anhyst.model.stepper import Stepper
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.wording import count_of
+from anhyst.support.wording import count_text
 
-SMALLEST = 0.5
+MIN_ALLOWANCE = 0.5
 """Allowance of a chart in standard deviations, at least: it is best for twice that."""
-_OVERSHOOT = 1.166
+_WALK_OVERSHOOT = 1.166
 """Of a random walk of normal steps over its threshold, to both ends (Siegmund 1985)."""
-_SURE = 0.05
+_SCATTER_QUANTILE = 0.05
 """Chance that the scatter is larger than it is taken to be, from the few values that are known."""
-_ERRORS = 2.0
+_MEAN_ERROR_FACTOR = 2.0
 """Standard errors by which the mean may be off."""
-_MOST_CORRELATION = 0.9
+_MAX_CORRELATION = 0.9
 
 
-def threshold(run_length: float, allowance: float = SMALLEST) -> float:
+def alarm_threshold(run_length: float, allowance: float = MIN_ALLOWANCE) -> float:
     """Return the threshold of a one-sided chart, in standard deviations.
 
     >>> round(threshold(465.0), 1)  # tables say 5 for a mean run of 465
@@ -51,7 +51,7 @@ def threshold(run_length: float, allowance: float = SMALLEST) -> float:
     """
     wanted = 2.0 * allowance * allowance * run_length
     passed = brentq(lambda x: math.expm1(x) - x - wanted, 1e-9, 700.0)
-    return float(max(passed / (2.0 * allowance) - _OVERSHOOT, 0.0))
+    return float(max(passed / (2.0 * allowance) - _WALK_OVERSHOOT, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +62,10 @@ class Reference:
     # standard deviation of one value that would have the same effect on a sum if values were
     # independent, from above
     scatter: float
-    error: float  # by which the mean may be off
+    mean_error: float  # by which the mean may be off
 
     @classmethod
-    def of(cls, values: Sequence[float]) -> Reference:
+    def from_values(cls, values: Sequence[float]) -> Reference:
         """Learn it from values, 4 or more.
 
         What stays from one value to the next makes a sum scatter more: by the root of
@@ -78,19 +78,23 @@ class Reference:
         if power == 0.0:
             return cls(float(rows.mean()), 0.0, 0.0)
         alike = float(away[1:] @ away[:-1]) / power + 1.0 / count  # a short row looks too little so
-        alike = min(max(alike, 0.0), _MOST_CORRELATION)
-        least = 2.0 * float(gammaincinv(0.5 * (count - 1), _SURE))  # quantile of chi-squared
+        alike = min(max(alike, 0.0), _MAX_CORRELATION)
+        least = 2.0 * float(
+            gammaincinv(0.5 * (count - 1), _SCATTER_QUANTILE)
+        )  # quantile of chi-squared
         single = math.sqrt(power / least)
         scatter = single * math.sqrt((1.0 + alike) / (1.0 - alike))
-        return cls(float(rows.mean()), scatter, _ERRORS * scatter / math.sqrt(count))
+        return cls(float(rows.mean()), scatter, _MEAN_ERROR_FACTOR * scatter / math.sqrt(count))
 
 
 @dataclass(slots=True)
-class Chart:
+class CusumChart:
     """A two-sided cumulative sum."""
 
     reference: Reference
-    least: float  # smallest shift worth an alarm, in the unit of the values; half of it is allowed
+    min_shift: (
+        float  # smallest shift worth an alarm, in the unit of the values; half of it is allowed
+    )
     run_length: float  # mean number of values to a false alarm, of both sides together
     _sums: list[float] = field(default_factory=lambda: [0.0, 0.0])
     _counts: list[int] = field(default_factory=lambda: [0, 0])
@@ -99,8 +103,8 @@ class Chart:
     @property
     def allowance(self) -> float:
         """By which a value must be off before it adds to a sum."""
-        smallest = max(SMALLEST * self.reference.scatter, 0.5 * self.least)
-        return smallest + self.reference.error
+        smallest = max(MIN_ALLOWANCE * self.reference.scatter, 0.5 * self.min_shift)
+        return smallest + self.reference.mean_error
 
     @property
     def limit(self) -> float:
@@ -108,7 +112,7 @@ class Chart:
 
         A wider allowance than the smallest only makes false alarms rarer.
         """
-        return threshold(2.0 * self.run_length) * self.reference.scatter
+        return alarm_threshold(2.0 * self.run_length) * self.reference.scatter
 
     def add(self, value: float) -> tuple[float, int] | None:
         """Take the next value."""
@@ -125,26 +129,28 @@ class Chart:
         return None
 
 
-Name = Literal["level", "width"]
+DriftKind = Literal["level", "width"]
 
-LEARN = 10
+LEARNING_CYCLES = 10
 """Cycles from which the reference is taken."""
-RUN_LENGTH = 1e5
+DEFAULT_RUN_LENGTH = 1e5
 """Mean number of cycles to a false alarm."""
-LEAST = 0.001
+MIN_DRIFT_RATIO = 0.001
 """Smallest drift worth an alarm, in parts of the largest output of the model."""
-TURN = 0.1
+REVERSAL_RATIO = 0.1
 """A cycle of the current reverses by more than this share of the model's range."""
 
 
 @dataclass(frozen=True, slots=True)
-class Drifted:
+class DetectedDrift:
     """A drift that was found."""
 
-    name: Name  # ``"level"`` or ``"width"``
+    kind: DriftKind  # ``"level"`` or ``"width"``
     shift: float  # of its mean against the first cycles, in units of the output (N)
-    since: int  # tick at which it began, as far as can be said: the end of the last cycle before
-    found: int  # tick at which it was found
+    begin_tick: (
+        int  # tick at which it began, as far as can be said: the end of the last cycle before
+    )
+    found_tick: int  # tick at which it was found
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,79 +158,83 @@ class Finding:
     """What is known of a model by now."""
 
     cycles: int  # complete ones
-    learning: bool  # whether there are too few of them yet to say anything
-    drifted: Drifted | None  # the first drift; None while the model fits
+    is_learning: bool  # whether there are too few of them yet to say anything
+    drift: DetectedDrift | None  # the first drift; None while the model fits
     # what the model left of the output while it was seen to fit, and leaves in the last cycle: rms,
     # in its unit, noise included. 0 before there is a cycle
-    usual: float = field(default=0.0, compare=False)
-    left: float = field(default=0.0, compare=False)
+    usual_residual: float = field(default=0.0, compare=False)
+    residual: float = field(default=0.0, compare=False)
 
     @property
-    def gain(self) -> float:
+    def error_reduction(self) -> float:
         """By how much the error falls if the model is measured again, as far as can be said."""
-        return max(0.0, self.left - self.usual)
+        return max(0.0, self.residual - self.usual_residual)
 
     def text(self, rate: float) -> str:
         """Say it in a sentence; ticks are turned into seconds by `rate`, Hz."""
-        if self.drifted is not None:
-            one = self.drifted
+        if self.drift is not None:
+            one = self.drift
             return (
-                f"the {one.name} has drifted by {one.shift:+.3g} N since {one.since / rate:.1f} s "
-                f"(found at {one.found / rate:.1f} s); the model leaves {self.left:.3g} N rms instead "
-                f"of {self.usual:.3g} N, measure again"
+                f"the {one.kind} has drifted by {one.shift:+.3g} N since {one.begin_tick / rate:.1f} s "
+                f"(found at {one.found_tick / rate:.1f} s); the model leaves {self.residual:.3g} N rms instead "
+                f"of {self.usual_residual:.3g} N, measure again"
             )
-        if self.learning:
-            return f"learning: {self.cycles} of {LEARN} cycles of the current seen"
-        return f"the model fits, over {count_of(self.cycles, 'cycle')}"
+        if self.is_learning:
+            return f"learning: {self.cycles} of {LEARNING_CYCLES} cycles of the current seen"
+        return f"the model fits, over {count_text(self.cycles, 'cycle')}"
 
 
 @dataclass(slots=True)
-class _Cycles:
+class _BranchSplitter:
     """Cuts a row of samples at the turning points of the current, whatever pieces it comes in."""
 
-    turn: float
+    reversal_size: float
     _low: float = np.inf
     _high: float = -np.inf
-    _rising: bool | None = None
+    _is_rising: bool | None = None
     _extreme: float = 0.0
-    _at: int = 0
+    _extreme_tick: int = 0
     _total: float = 0.0
     _count: int = 0
-    _marked: tuple[float, int] | None = None
-    _since: tuple[float, int] = (0.0, 0)
+    _branch_start_sum: tuple[float, int] | None = None
+    _extreme_sum: tuple[float, int] = (0.0, 0)
 
-    def add(self, tick: int, current: float, left: float) -> tuple[bool, float, int] | None:
+    def add(self, tick: int, current: float, residual: float) -> tuple[bool, float, int] | None:
         """Take a sample; return a branch that it completes: rising or not, mean, last tick."""
-        self._total += left
+        self._total += residual
         self._count += 1
-        if self._rising is None:
+        if self._is_rising is None:
             # It may begin anywhere between the ends of a swing that is hardly wider than a turn.
             self._low, self._high = min(self._low, current), max(self._high, current)
-            if self._high - self._low > self.turn:
-                self._rising = current == self._high
-                self._mark(tick, current)
+            if self._high - self._low > self.reversal_size:
+                self._is_rising = current == self._high
+                self._mark_extreme(tick, current)
             return None
-        if (current >= self._extreme) if self._rising else (current <= self._extreme):
-            self._mark(tick, current)
+        if (current >= self._extreme) if self._is_rising else (current <= self._extreme):
+            self._mark_extreme(tick, current)
             return None
-        if abs(current - self._extreme) <= self.turn:
+        if abs(current - self._extreme) <= self.reversal_size:
             return None
-        total, count = self._since
-        before = self._marked
+        total, count = self._extreme_sum
+        before = self._branch_start_sum
         done = None
         if before is not None and count > before[1]:
             mean = (total - before[0]) / (count - before[1])
-            done = self._rising, mean, self._at
-        self._marked, self._rising = self._since, not self._rising
-        self._mark(tick, current)
+            done = self._is_rising, mean, self._extreme_tick
+        self._branch_start_sum, self._is_rising = self._extreme_sum, not self._is_rising
+        self._mark_extreme(tick, current)
         return done
 
-    def _mark(self, tick: int, current: float) -> None:
-        self._extreme, self._at, self._since = current, tick, (self._total, self._count)
+    def _mark_extreme(self, tick: int, current: float) -> None:
+        self._extreme, self._extreme_tick, self._extreme_sum = (
+            current,
+            tick,
+            (self._total, self._count),
+        )
 
 
 @dataclass(slots=True)
-class DriftWatch:
+class DriftMonitor:
     """Watches one model, chunk by chunk; what comes out does not depend on how it is cut."""
 
     model: Model  # of force over current, and gap
@@ -232,85 +242,93 @@ class DriftWatch:
     # Of the iron before the first sample; as the model says, if left out. What it gets wrong must
     # be wiped out by the first cycle.
     history: HistoryLike | None = None
-    run_length: float = RUN_LENGTH  # mean number of cycles of the current to a false alarm
+    run_length: float = DEFAULT_RUN_LENGTH  # mean number of cycles of the current to a false alarm
     # smallest drift worth an alarm, N; a thousandth of the model's largest output if left out
-    least: float | None = None
+    min_drift: float | None = None
     finding: Finding = field(default=Finding(0, True, None), init=False)
     _stepper: Stepper = field(init=False)
-    _cycles: _Cycles = field(init=False)
-    _rows: dict[Name, list[float]] = field(init=False)
-    _charts: dict[Name, Chart] = field(default_factory=dict, init=False)
-    _rise: float | None = field(default=None, init=False)
-    _ends: list[int] = field(default_factory=list, init=False)
-    _squares: list[float] = field(default_factory=list, init=False)
-    _sum: tuple[float, int] = field(default=(0.0, 0), init=False)
-    _tick: int | None = field(default=None, init=False)
+    _splitter: _BranchSplitter = field(init=False)
+    _learning_values: dict[DriftKind, list[float]] = field(init=False)
+    _charts: dict[DriftKind, CusumChart] = field(default_factory=dict, init=False)
+    _ascending_mean: float | None = field(default=None, init=False)
+    _cycle_ends: list[int] = field(default_factory=list, init=False)
+    _mean_squares: list[float] = field(default_factory=list, init=False)
+    _square_sum: tuple[float, int] = field(default=(0.0, 0), init=False)
+    _last_tick: int | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         low, high = self.model.valid_range.input
         self._stepper = Stepper(self.model, self.gap, self.history)
-        self._cycles = _Cycles(TURN * (high - low))
-        self._rows = {"level": [], "width": []}
-        if self.least is None:
-            self.least = LEAST * max(abs(end) for end in self.model.valid_range.output)
+        self._splitter = _BranchSplitter(REVERSAL_RATIO * (high - low))
+        self._learning_values = {"level": [], "width": []}
+        if self.min_drift is None:
+            self.min_drift = MIN_DRIFT_RATIO * max(
+                abs(end) for end in self.model.valid_range.output
+            )
 
-    def take(
+    def add_samples(
         self, ticks: FloatArray, current: FloatArray, gap: FloatArray, force: FloatArray
     ) -> Finding:
         """Go on by a chunk."""
-        if ticks.size == 0 or self.finding.drifted is not None:
+        if ticks.size == 0 or self.finding.drift is not None:
             return self.finding
-        if np.any(np.diff(ticks) <= 0) or (self._tick is not None and ticks[0] <= self._tick):
+        if np.any(np.diff(ticks) <= 0) or (
+            self._last_tick is not None and ticks[0] <= self._last_tick
+        ):
             raise InputError(
                 "ticks do not rise; give the chunks in their order", code="time-not-rising"
             )
-        self._tick = int(ticks[-1])
+        self._last_tick = int(ticks[-1])
         left = force - self._stepper.follow(current, gap)
         for tick, drive, rest in zip(ticks.tolist(), current.tolist(), left.tolist(), strict=True):
-            self._sum = self._sum[0] + rest * rest, self._sum[1] + 1
-            branch = self._cycles.add(int(tick), drive, rest)
+            self._square_sum = self._square_sum[0] + rest * rest, self._square_sum[1] + 1
+            branch = self._splitter.add(int(tick), drive, rest)
             if branch is not None:
-                self._branch(*branch)
-            if self.finding.drifted is not None:
+                self._add_branch(*branch)
+            if self.finding.drift is not None:
                 break
         return self.finding
 
-    def _branch(self, rising: bool, mean: float, tick: int) -> None:
+    def _add_branch(self, rising: bool, mean: float, tick: int) -> None:
         if rising:
-            self._rise = mean
-        elif self._rise is not None:
-            values: dict[Name, float] = {
-                "level": 0.5 * (mean + self._rise),
-                "width": 0.5 * (mean - self._rise),
+            self._ascending_mean = mean
+        elif self._ascending_mean is not None:
+            values: dict[DriftKind, float] = {
+                "level": 0.5 * (mean + self._ascending_mean),
+                "width": 0.5 * (mean - self._ascending_mean),
             }
-            self._rise = None
-            self._cycle(values, tick)
+            self._ascending_mean = None
+            self._add_cycle(values, tick)
 
-    def _cycle(self, values: dict[Name, float], tick: int) -> None:
-        self._ends.append(tick)
-        self._squares.append(self._sum[0] / self._sum[1])
-        self._sum = 0.0, 0
+    def _add_cycle(self, values: dict[DriftKind, float], tick: int) -> None:
+        self._cycle_ends.append(tick)
+        self._mean_squares.append(self._square_sum[0] / self._square_sum[1])
+        self._square_sum = 0.0, 0
         drifted = None
         for name, value in values.items():
             if not self._charts.get(name):
-                self._rows[name].append(value)
+                self._learning_values[name].append(value)
             elif drifted is None and (alarm := self._charts[name].add(value)) is not None:
                 shift, count = alarm
-                drifted = Drifted(name, shift, self._ends[-1 - count], tick)
-        if not self._charts and len(self._ends) == LEARN + 1:
+                drifted = DetectedDrift(name, shift, self._cycle_ends[-1 - count], tick)
+        if not self._charts and len(self._cycle_ends) == LEARNING_CYCLES + 1:
             # The first cycle wipes out what the model does not know of the past.
-            assert self.least is not None
+            assert self.min_drift is not None
             self._charts = {
-                name: Chart(Reference.of(rows[1:]), self.least, 2.0 * self.run_length)
-                for name, rows in self._rows.items()
+                name: CusumChart(
+                    Reference.from_values(rows[1:]), self.min_drift, 2.0 * self.run_length
+                )
+                for name, rows in self._learning_values.items()
             }
-        usual = float(np.sqrt(np.mean(self._squares[1 : LEARN + 1] or self._squares)))
-        left = float(np.sqrt(self._squares[-1]))
-        self.finding = Finding(len(self._ends), not self._charts, drifted, usual, left)
+        usual = float(
+            np.sqrt(np.mean(self._mean_squares[1 : LEARNING_CYCLES + 1] or self._mean_squares))
+        )
+        left = float(np.sqrt(self._mean_squares[-1]))
+        self.finding = Finding(len(self._cycle_ends), not self._charts, drifted, usual, left)
 
 
 @dataclass(frozen=True)
-class Watched:
+class WatchResult:
     """What a recording says about a model; the shift in N, times in s from its begin."""
 
     finding: Finding
@@ -321,14 +339,14 @@ class Watched:
 
     def as_dict(self) -> dict[str, Any]:
         """Return it for JSON."""
-        drifted = self.finding.drifted
+        drifted = self.finding.drift
         return {
             "cycles": self.finding.cycles,
-            "learning": self.finding.learning,
-            "fits": drifted is None and not self.finding.learning,
-            "drift": None if drifted is None else drifted.name,
+            "learning": self.finding.is_learning,
+            "fits": drifted is None and not self.finding.is_learning,
+            "drift": None if drifted is None else drifted.kind,
             "shift_N": None if drifted is None else drifted.shift,
-            "since_s": None if drifted is None else drifted.since / self.rate,
+            "since_s": None if drifted is None else drifted.begin_tick / self.rate,
             "text": str(self),
         }
 
@@ -340,14 +358,14 @@ def watch_recording(
     *,
     least: float | None,
     run_length: float,
-) -> Watched:
+) -> WatchResult:
     """Watch a recording of one run as if it were running: :func:`anhyst.watch`."""
     if least is not None and not least > 0.0:
         raise InputError(
             f"--least: {least:g} N is not above 0; correct it", code="not-above-zero", key="--least"
         )
-    model = model_from(model, "watch")
-    recording, _ = loops_from(recording, "watch: recording", reading, without=DEFAULT_STEPS)
+    model = resolve_model(model, "watch")
+    recording, _ = load_loops(recording, "watch: recording", reading, skipped_steps=DEFAULT_STEPS)
     if len(recording) != 1 or not is_actuator(recording):
         raise InputError(
             "a recording is one run with columns t_s, I_A, F_N and gap_m", code="columns-missing"
@@ -355,9 +373,9 @@ def watch_recording(
     (run,) = recording.loops
     if run.time is None or run.schedule is None:
         raise InputError("a recording needs columns t_s and gap_m", code="columns-missing")
-    watched = DriftWatch(
-        model, float(run.schedule[0]), run.history, run_length=run_length, least=least
+    watched = DriftMonitor(
+        model, float(run.schedule[0]), run.history, run_length=run_length, min_drift=least
     )
     ticks = np.arange(run.n, dtype=np.float64)
-    found = watched.take(ticks, run.input, run.schedule, run.output)
-    return Watched(found, (run.n - 1) / float(run.time[-1] - run.time[0]))
+    found = watched.add_samples(ticks, run.input, run.schedule, run.output)
+    return WatchResult(found, (run.n - 1) / float(run.time[-1] - run.time[0]))

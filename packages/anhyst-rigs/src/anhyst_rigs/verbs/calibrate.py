@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from anhyst.cli.shared import Part
+    from anhyst.cli.shared import OutputPart
     from anhyst.control.controller_file import ControllerFile
     from anhyst.support.atomic import PathLike
     from anhyst.support.kinds import MethodName
@@ -77,19 +77,26 @@ def warnings(result: Calibration) -> Iterator[str]:
             yield f"{method.name}: {facts[method.name]}; a flux probe helps there"
 
 
-def show(result: Calibration, given: Mapping[str, Any]) -> Iterator[Part]:
+def show(result: Calibration, given: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the estimated parameters, and how well each method fits then."""
     from anhyst.cli.printing import TerminalTable
 
     rows = TerminalTable("learnt from motion", ["method", "number", "value", "+/-", "before", ""])
     for method in result.file.method:
-        for number in method.parameter:
-            values = (f"{value:.3g}" for value in (number.value, number.sigma, number.prior))
-            unseen = "frozen: not seen" if number.frozen else ""
-            rows.add_row(method.name, number.name, *values, unseen if method.taken else "not taken")
+        for parameter in method.parameter:
+            values = (
+                f"{value:.3g}" for value in (parameter.value, parameter.sigma, parameter.prior)
+            )
+            frozen_note = "frozen: not seen" if parameter.frozen else ""
+            rows.add_row(
+                method.name,
+                parameter.name,
+                *values,
+                frozen_note if method.is_applied else "not taken",
+            )
     yield rows
     yield from (f"{name}: {text}" for name, text in result.facts().items())
-    if given["out"] is not None and result.learnt:
+    if given["out"] is not None and result.has_estimates:
         yield f"written: {given['out']}"
 
 
@@ -97,6 +104,6 @@ def refuse(result: Calibration, _: Mapping[str, Any]) -> None:
     """Raise NegativeResult if nothing was learnt."""
     from anhyst.support.errors import NegativeResult
 
-    if not result.learnt:
+    if not result.has_estimates:
         text = "nothing is taken: too little motion or force was asked for, or no law explains it"
         raise NegativeResult(text, code="nothing-learnt")

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 if TYPE_CHECKING:
-    from anhyst.cli.shared import Part
+    from anhyst.cli.shared import OutputPart
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
     from anhyst_rigs.study.excite.excite import Excitation
@@ -97,7 +97,7 @@ def excite(
     from anhyst.support.atomic import check_path, check_picture, write_figure
     from anhyst.support.errors import InputError
     from anhyst_rigs.reports.excitation import figure_excitation
-    from anhyst_rigs.study.bench import address_of, through
+    from anhyst_rigs.study.bench import controller_url, measure_through_board
     from anhyst_rigs.study.excite.excite import excite as work
     from anhyst_rigs.study.tracking.excitation import excite_to_calibrate
 
@@ -110,18 +110,18 @@ def excite(
     check_path(out, "excite: out")
     if plot is not None:
         check_picture(plot)
-    url = address_of(xcp, port)
+    url = controller_url(xcp, port)
     if (url is None) is not (folder is None):
         text = "--folder: goes together with --xcp or --port, and they with it"
         raise InputError(text, code="options-missing", key="--folder")
-    how = None if folder is None or url is None else through(folder, url)
-    excitation = work(rig, out, progress, how)
+    connection = None if folder is None or url is None else measure_through_board(folder, url)
+    excitation = work(rig, out, progress, connection)
     if plot is not None:
         write_figure(figure_excitation(excitation), plot)
     return excitation
 
 
-def show(result: Excitation | CalibratingMove, given: Mapping[str, Any]) -> Iterator[Part]:
+def show(result: Excitation | CalibratingMove, given: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return what the drive reached, or what the motion shows, and what was written."""
     from anhyst_rigs.study.excite.excite import Excitation
 
@@ -134,54 +134,62 @@ def show(result: Excitation | CalibratingMove, given: Mapping[str, Any]) -> Iter
     yield from (f"written: {path}" for path in written if path is not None)
 
 
-def _show_excitation(excitation: Excitation) -> Iterator[Part]:
+def _show_excitation(excitation: Excitation) -> Iterator[OutputPart]:
     from anhyst.cli.printing import TerminalTable
-    from anhyst.support.wording import count_of
+    from anhyst.support.wording import count_text
 
     figures = excitation.as_dict()
     specimen, unit = excitation.specimen, excitation.specimen.units[0]
     gap = ["gap mm"] if specimen.gaps else []
     reached, factor = ("force N", 1.0) if specimen.gaps else ("stroke µm", 1e6)
     heads = [*gap, f"largest {unit}", reached, f"about {unit}", "limited by"]
-    drawn = TerminalTable(
-        f"{count_of(figures['loops'], 'loop')}, {figures['samples']} samples", heads
+    table = TerminalTable(
+        f"{count_text(figures['loops'], 'loop')}, {figures['samples']} samples", heads
     )
-    for place in excitation.places:
-        drawn.add_row(
+    for place in excitation.probed_gaps:
+        table.add_row(
             *([f"{1e3 * place.gap:g}"] if gap else []),
             f"{place.peak.value:.4g}",
-            f"{factor * place.force:.4g}",
-            f"{place.operating:.4g}",
+            f"{factor * place.largest_force:.4g}",
+            f"{place.operating_current:.4g}",
             place.peak.key,
         )
     minutes = figures["duration_s"] / 60.0
     warmth = figures["warmth"]
-    warm = "" if warmth is None else f", I^2 t at most {100.0 * warmth:.0f} % of what trips"
-    yield drawn
-    yield f"{minutes:.1f} min of measuring, {figures[f'rate_{unit}_per_s']:.4g} {unit}/s{warm}"
+    warmth_text = "" if warmth is None else f", I^2 t at most {100.0 * warmth:.0f} % of what trips"
+    yield table
+    yield f"{minutes:.1f} min of measuring, {figures[f'rate_{unit}_per_s']:.4g} {unit}/s{warmth_text}"
     yield from (f"note: {note}" for note in excitation.notes)
 
 
-def _show_move(result: CalibratingMove) -> Iterator[Part]:
+def _show_move(result: CalibratingMove) -> Iterator[OutputPart]:
     import re
 
     from anhyst.cli.printing import TerminalTable
 
-    move, work = result.move, result.work
+    move, own_setpoint = result.move, result.work
     kinds: dict[str, list[str]] = {}
     for name in move.left:
         kinds.setdefault(re.sub(r"_(\d+|[xyz](?=_m))", "", name), []).append(name)
     heads = ["left of what is stated", "after the move", "after its own set-point"]
-    drawn = TerminalTable(f"{move.duration_s:.2f} s", heads)
+    table = TerminalTable(f"{move.duration_s:.2f} s", heads)
     for kind, names in kinds.items():
-        lefts = [[f"{one.left[name]:.2f}" for name in names] for one in (move, work)]
-        drawn.add_row(kind, *(" to ".join(dict.fromkeys((min(one), max(one)))) for one in lefts))
-    drawn.add_row("duration, s", *(f"{one.duration_s:.2f}" for one in (move, work)))
-    drawn.add_row("condition number", *(f"{one.condition:.2g}" for one in (move, work)))
-    missed = ", ".join(name for name in work.hidden if name not in move.hidden)
-    yield drawn
+        sigma_ratios = [
+            [f"{item.left[name]:.2f}" for name in names] for item in (move, own_setpoint)
+        ]
+        table.add_row(
+            kind, *(" to ".join(dict.fromkeys((min(one), max(one)))) for one in sigma_ratios)
+        )
+    table.add_row("duration, s", *(f"{one.duration_s:.2f}" for one in (move, own_setpoint)))
+    table.add_row("condition number", *(f"{one.condition:.2g}" for one in (move, own_setpoint)))
+    hidden_by_setpoint = ", ".join(name for name in own_setpoint.hidden if name not in move.hidden)
+    yield table
     for axis, leg in result.legs.items():
         peaks = ", ".join(f"{one:.3g}" for one in leg.peaks)
         yield f"{axis}: {peaks} m/s2 at {leg.speed:.3g} m/s"
     yield f"stays hidden: {', '.join(move.hidden) or 'nothing'}"
-    yield f"its own set-point hides {missed}" if missed else "its own set-point shows as much"
+    yield (
+        f"its own set-point hides {hidden_by_setpoint}"
+        if hidden_by_setpoint
+        else "its own set-point shows as much"
+    )

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from anhyst.cli.shared import Part
+    from anhyst.cli.shared import OutputPart
     from anhyst.data.path import HistoryLike
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 PLACE = 14, "From measurements to a model"
 PROGRESS = "magnets"
-REPORT = "report.html"
+REPORT_NAME = "report.html"
 
 Kind = Literal["full", "simplified"]
 """Kinds of compensator that are made from a model alone."""
@@ -97,21 +97,21 @@ def fleet(
     from pathlib import Path
 
     from anhyst.data.path import history_text
-    from anhyst.identification.identify import check_wanted
+    from anhyst.identification.identify import check_options
     from anhyst.support.atomic import check_path
-    from anhyst.support.jobs import workers_of
+    from anhyst.support.jobs import use_scheduler
     from anhyst_rigs.reports.fleet import write_fleet_report
     from anhyst_rigs.study.fleet import fleet as work
     from anhyst_rigs.study.fleet_magnets import FleetSettings
 
     check_path(magnets, "fleet: magnets", "the path of a folder")
     check_path(out, "fleet: out")
-    check_wanted(law, gap_map, "default")
-    past = None if history is None else history_text(history)
-    settings = FleetSettings(rate, kind, io, law, gap_map, on, tolerance, seed, past)
-    with workers_of(scheduler):
+    check_options(law, gap_map, "default")
+    history_setting = None if history is None else history_text(history)
+    settings = FleetSettings(rate, kind, io, law, gap_map, on, tolerance, seed, history_setting)
+    with use_scheduler(scheduler):
         result = work(magnets, out, settings, progress=progress, jobs=jobs)
-    write_fleet_report(Path(out) / REPORT, result)
+    write_fleet_report(Path(out) / REPORT_NAME, result)
     return result
 
 
@@ -121,7 +121,7 @@ def warnings(result: Fleet) -> Iterator[str]:
     yield from (f"{name}: {why}" for name, why in result.failed.items())
 
 
-def show(result: Fleet, given: Mapping[str, Any]) -> Iterator[Part]:
+def show(result: Fleet, given: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the scatter of the parameters and the number of good magnets."""
     from anhyst_rigs.reports.fleet import scatter_table
 
@@ -129,4 +129,4 @@ def show(result: Fleet, given: Mapping[str, Any]) -> Iterator[Part]:
     if result.spread is not None:
         yield scatter_table(result, result.spread)
     yield from (f"{name}: {text}" for name, text in result.facts().items())
-    yield f"written: {out / 'fleet.json'}, {out / 'fleet.csv'}, {out / REPORT}"
+    yield f"written: {out / 'fleet.json'}, {out / 'fleet.csv'}, {out / REPORT_NAME}"

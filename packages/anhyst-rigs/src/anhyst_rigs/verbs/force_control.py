@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from anhyst.verbs import verify as verifying
 
 if TYPE_CHECKING:
-    from anhyst.cli.shared import Part
+    from anhyst.cli.shared import OutputPart
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
     from anhyst_rigs.study.force_control import ForceControl
@@ -77,23 +77,25 @@ def force_control(
     from dataclasses import replace
 
     from anhyst.support.atomic import check_path
-    from anhyst.support.page import table
-    from anhyst_rigs.reports.force import draw
+    from anhyst.support.page import make_table
+    from anhyst_rigs.reports.force import draw_all
     from anhyst_rigs.study.force_control import force_control as work
     from anhyst_rigs.verbs.init import init
 
-    given: Sequence[Any] = rig if isinstance(rig, list | tuple) and rig else [rig]
-    paths = [Path(check_path(one, "force_control: rig", "the path of a rig file")) for one in given]
+    sources: Sequence[Any] = rig if isinstance(rig, list | tuple) and rig else [rig]
+    paths = [
+        Path(check_path(item, "force_control: rig", "the path of a rig file")) for item in sources
+    ]
     check_path(out, "force_control: out")
-    from_loops = len(paths) > 1 or paths[0].suffix != ".toml"
-    if from_loops:
+    is_from_loops = len(paths) > 1 or paths[0].suffix != ".toml"
+    if is_from_loops:
         init(out, paths, force_control=True)
-    file = Path(out) / "rig.toml" if from_loops else paths[0]
+    file = Path(out) / "rig.toml" if is_from_loops else paths[0]
     result = work(file, out, board=board, demand=demand, recordings=recordings, progress=progress)
-    if from_loops:
+    if is_from_loops:
         result = replace(result, verified=verifying.verify(result.compiled))
     rows = result.verified.tables() if result.verified else []
-    draw(result, [table(one.title, one.headings, one.cells) for one in rows])
+    draw_all(result, [make_table(one.title, one.headings, one.cells) for one in rows])
     return result
 
 
@@ -102,12 +104,12 @@ def warnings(result: ForceControl) -> Sequence[str]:
     return result.plant.warnings
 
 
-def show(result: ForceControl, _: Mapping[str, Any]) -> Iterator[Part]:
+def show(result: ForceControl, _: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the errors of each controller, and the verification of the C."""
-    from anhyst_rigs.reports.force import printed, written
-    from anhyst_rigs.reports.studies import lines_of
+    from anhyst_rigs.reports.force import terminal_summary, written_files
+    from anhyst_rigs.reports.studies import study_output
 
-    yield from lines_of(result, printed(result), written(result))
+    yield from study_output(result, terminal_summary(result), written_files(result))
     if result.verified:
         yield from verifying.show(result.verified, {})
 
@@ -116,4 +118,4 @@ def refuse(result: ForceControl, _: Mapping[str, Any]) -> None:
     """Raise NegativeResult if a force was lost or a bit differs."""
     result.refuse_losses()
     if result.verified:
-        verifying.refuse_difference(result.verified, result.compiled)
+        verifying.require_equal_bits(result.verified, result.compiled)

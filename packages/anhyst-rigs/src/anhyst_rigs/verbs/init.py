@@ -77,22 +77,22 @@ def init(
     """
     import os
 
-    from anhyst.data.source import options_of
-    from anhyst.data.table import check_source, is_frame
+    from anhyst.data.source import collect_read_options
+    from anhyst.data.table import check_source, is_data_frame
     from anhyst.support.atomic import check_path
     from anhyst.support.errors import InputError, wrong_type
     from anhyst_rigs.draft.drafting import init_bearing, init_rig
-    from anhyst_rigs.draft.magnet import Wanted
+    from anhyst_rigs.draft.magnet import MachineRequest
 
     check_path(out, "init: out")
-    wanted, options = Wanted(mass, load, gap), options_of("init", **reading)
-    if force_control and wanted != Wanted():
+    wanted, options = MachineRequest(mass, load, gap), collect_read_options("init", **reading)
+    if force_control and wanted != MachineRequest():
         text = "--mass, --load and --gap belong to a bearing; leave out --force-control"
         raise InputError(text, code="option-not-for-this", key="--mass")
     if stage and (force_control or load is not None):
         text = "--stage: takes --mass and --gap alone; leave out --force-control and --load"
         raise InputError(text, code="option-not-for-this", key="--stage")
-    if loops is not None and is_frame(loops):
+    if loops is not None and is_data_frame(loops):
         raise wrong_type("init: loops", "a file, a folder or a list of files", loops)
     if loops is None or (isinstance(loops, Sequence) and not loops):
         text = "nothing to begin with: name files with loops; anhyst example copies some"
@@ -106,7 +106,7 @@ def init(
 
 def show(result: Drafted, _: Mapping[str, Any]) -> Iterator[str]:
     """Return what was found, what was guessed, and what to run next."""
-    from anhyst.support.wording import list_written
+    from anhyst.support.wording import written_files_text
 
     yield from result.found
     if result.guessed:
@@ -116,6 +116,6 @@ def show(result: Drafted, _: Mapping[str, Any]) -> Iterator[str]:
     if count:
         keys = "1 key is a guess" if count == 1 else f"{count} keys are guesses, each"
         yield f"{keys} marked 'guess' in its line; write your numbers there"
-    yield list_written(result.out, result.files)
+    yield written_files_text(result.out, result.files)
     yield "next:"
     yield from (f"  {command}" for command in result.run)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from anhyst_rigs.dashboard.recording import RecordingFile
 
 PLACE = 41, "During operation"
-PACKAGES = ("orjson", "starlette", "uvicorn", "websockets")
+REQUIRED_PACKAGES = ("orjson", "starlette", "uvicorn", "websockets")
 """What the page needs in addition to anhyst."""
 
 
@@ -82,7 +82,7 @@ def live(
 
     from anhyst.support.errors import InputError
 
-    for name in PACKAGES:
+    for name in REQUIRED_PACKAGES:
         if find_spec(name) is None:
             text = f"live: {name} is not installed: pip install 'anhyst-rigs[live]'"
             raise InputError(text, code="not-installed", key=name)
@@ -101,8 +101,8 @@ def show_started(address: str, token: str) -> list[str]:
 
 def show(result: RecordingFile | None, _: Mapping[str, Any]) -> list[str]:
     """Return what was recorded."""
-    from anhyst.support.wording import count_of
+    from anhyst.support.wording import count_text
 
     if result is None:
         return []
-    return [f"written: {result.path}, {count_of(result.rows, 'tick')}"]
+    return [f"written: {result.path}, {count_text(result.rows, 'tick')}"]

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 if TYPE_CHECKING:
     from anhyst.cli.printing import TerminalTable
-    from anhyst.cli.shared import Part
+    from anhyst.cli.shared import OutputPart
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
     from anhyst_rigs.reports.studies import Simulated, Studied
-    from anhyst_rigs.study.bearing.board_faults import Ending
+    from anhyst_rigs.study.bearing.board_faults import FaultOutcome
     from anhyst_rigs.study.bearing.on_board import BoardComparison
     from anhyst_rigs.study.benefit import Benefit, Comparison
 
@@ -125,9 +125,9 @@ def simulate(
     """
     from anhyst.support.atomic import check_path
     from anhyst.support.errors import InputError
-    from anhyst.support.jobs import workers_of
-    from anhyst.support.kinds import capability
-    from anhyst.support.toml_file import take_rig
+    from anhyst.support.jobs import use_scheduler
+    from anhyst.support.kinds import require_capability
+    from anhyst.support.toml_file import require_rig
     from anhyst_rigs.reports.studies import (
         HasBenefit,
         HasBoard,
@@ -144,19 +144,19 @@ def simulate(
     if len(chosen) > 1:
         text = f"{' and '.join(chosen)} do not go together; give one of them"
         raise InputError(text, code="options-together", key=chosen[0])
-    kind = take_rig(rig, "simulate")
+    kind = require_rig(rig, "simulate")
     kind.refuse_options("simulate", {"--controller": controller, "--board": board})
     if out is None and chosen:
         raise InputError(f"{chosen[0]}: needs a place to write to", code="missing", key="--out")
     task = SimulationTask(rig, controller, Path(out or "-"), out is not None, progress)
-    with workers_of(scheduler):
+    with use_scheduler(scheduler):
         if monte_carlo is not None:
-            return run_plants(capability(kind, HasPlants), task, monte_carlo)
+            return run_plants(require_capability(kind, HasPlants), task, monte_carlo)
         if benefit:
-            return map_benefit(capability(kind, HasBenefit), task)
+            return map_benefit(require_capability(kind, HasBenefit), task)
         if board is not None:
-            return capability(kind, HasBoard).run_board(task, board)
-        return capability(kind, HasSimulation).simulate(task)
+            return require_capability(kind, HasBoard).run_board(task, board)
+        return require_capability(kind, HasSimulation).simulate(task)
 
 
 def warnings(result: Studied) -> Sequence[str]:
@@ -165,11 +165,11 @@ def warnings(result: Studied) -> Sequence[str]:
     return getattr(plant, "warnings", ())
 
 
-def show(result: Studied, given: Mapping[str, Any]) -> Iterator[Part]:
+def show(result: Studied, given: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return what a terminal shows of the study, whichever it is."""
-    from anhyst.support.kinds import capability, rig_kinds
+    from anhyst.support.kinds import require_capability, rig_kinds
     from anhyst_rigs.reports import plants
-    from anhyst_rigs.reports.studies import HasSimulation, lines_of
+    from anhyst_rigs.reports.studies import HasSimulation, study_output
     from anhyst_rigs.reports.study.task import files_written
     from anhyst_rigs.study.bearing.on_board import BoardComparison
     from anhyst_rigs.study.benefit import Benefit
@@ -181,10 +181,10 @@ def show(result: Studied, given: Mapping[str, Any]) -> Iterator[Part]:
     elif isinstance(result, Benefit):
         yield from _show_map(result, out)
     elif isinstance(result, MonteCarlo):
-        yield from lines_of(result, plants.printed(result), files_written(result, out))
+        yield from study_output(result, plants.terminal_summary(result), files_written(result, out))
     else:
-        kind = capability(rig_kinds()[result.kind], HasSimulation)
-        yield from lines_of(result, kind.printed(result), kind.written(result, out))
+        kind = require_capability(rig_kinds()[result.kind], HasSimulation)
+        yield from study_output(result, kind.printed(result), kind.written(result, out))
 
 
 def refuse(result: Studied, _: Mapping[str, Any]) -> None:
@@ -193,22 +193,22 @@ def refuse(result: Studied, _: Mapping[str, Any]) -> None:
     from anhyst_rigs.study.benefit import Benefit
 
     if isinstance(result, BoardComparison):
-        result.refuse()
+        result.raise_if_failed()
     elif not isinstance(result, Benefit):
         result.refuse_losses()
 
 
-def _show_firmware(comparison: BoardComparison, out: Path) -> Iterator[Part]:
-    yield _faults(comparison.endings)
+def _show_firmware(comparison: BoardComparison, out: Path) -> Iterator[OutputPart]:
+    yield _fault_table(comparison.outcomes)
     yield (
-        f"firmware on {comparison.board} against the simulation: {comparison.differ} of "
+        f"firmware on {comparison.board} against the simulation: {comparison.differing_ticks} of "
         f"{len(comparison.recorded)} ticks differ, from lift-off to a landing at "
         f"{1e3 * comparison.landing_speed:.1f} mm/s"
     )
     yield f"written: {out}"
 
 
-def _faults(endings: Sequence[Ending]) -> TerminalTable:
+def _fault_table(endings: Sequence[FaultOutcome]) -> TerminalTable:
     from anhyst.cli.printing import TerminalTable
 
     rows = TerminalTable(
@@ -217,39 +217,39 @@ def _faults(endings: Sequence[Ending]) -> TerminalTable:
     )
     for ending in endings:
         end = (
-            f"levitates on, {1e6 * ending.away:.2g} um away"
-            if ending.levitates
+            f"levitates on, {1e6 * ending.max_deviation:.2g} um away"
+            if ending.is_levitating
             else "lies without current"
         )
         rows.add_row(
             ending.injection.name,
-            ending.reason.name.lower().replace("_", " ")
-            + ("" if ending.as_expected else " (wrong)"),
+            ending.fault.name.lower().replace("_", " ")
+            + ("" if ending.is_as_expected else " (wrong)"),
             end,
-            "" if ending.levitates else f"{1e3 * ending.seconds:.0f}",
+            "" if ending.is_levitating else f"{1e3 * ending.seconds:.0f}",
             f"{1e3 * ending.rest_speed:.1f}" if ending.rest_speed else "",
             f"{1e3 * ending.magnet_speed:.1f}" if ending.magnet_speed else "",
         )
     return rows
 
 
-def _show_map(benefit: Benefit, out: Path) -> Iterator[Part]:
-    from anhyst_rigs.reports.study.page import REPORT
+def _show_map(benefit: Benefit, out: Path) -> Iterator[OutputPart]:
+    from anhyst_rigs.reports.study.page import REPORT_NAME
 
     baselines = {
         "its strongest baseline without memory": [cell.strongest for cell in benefit.cells]
     }
     if all(cell.flux for cell in benefit.cells):
         baselines["'flux', which measures"] = [cell.flux for cell in benefit.cells]
-    yield from (_map_against(benefit, name, compared) for name, compared in baselines.items())
+    yield from (_map_table(benefit, name, compared) for name, compared in baselines.items())
     yield (
         f"'gain' and 'loss' where they are certain over {benefit.seeds} noise seeds, 'nothing to "
         "gain' where both overshoot a step by less than three times the rms of their standstill"
     )
-    yield f"written: {out}, {out.parent / REPORT}"
+    yield f"written: {out}, {out.parent / REPORT_NAME}"
 
 
-def _map_against(
+def _map_table(
     benefit: Benefit, baseline: str, comparisons: Sequence[Mapping[str, Comparison]]
 ) -> TerminalTable:
     from anhyst.cli.printing import TerminalTable
@@ -258,10 +258,10 @@ def _map_against(
     cases = dict.fromkeys(cell.case for cell in benefit.cells)
     rows = TerminalTable(
         f"{first.title} of 'full' over that of {baseline}",
-        ["loop width, reversible part", *map(_case, cases)],
+        ["loop width, reversible part", *map(_case_text, cases)],
     )
     for iron in dict.fromkeys(cell.iron for cell in benefit.cells):
-        mine = [
+        row_comparisons = [
             comparison[first.key]
             for cell, comparison in zip(benefit.cells, comparisons, strict=True)
             if cell.iron == iron
@@ -273,11 +273,11 @@ def _map_against(
                 "lost"
                 if comparison.quotient is None
                 else f"{comparison.quotient.value:.2f} {comparison.outcome}"
-                for comparison in mine
+                for comparison in row_comparisons
             ),
         )
     return rows
 
 
-def _case(case: float | str) -> str:
+def _case_text(case: float | str) -> str:
     return f"{1e6 * case:g} um" if isinstance(case, float) else case

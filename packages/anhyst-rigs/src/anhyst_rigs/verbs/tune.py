@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from anhyst.cli.shared import Part
+    from anhyst.cli.shared import OutputPart
     from anhyst.support.atomic import PathLike
     from anhyst.support.jobs import Progress
     from anhyst_rigs.study.tuning.result import Tuning
@@ -115,7 +115,7 @@ def tune(
     from pathlib import Path
 
     from anhyst.support.atomic import check_path
-    from anhyst.support.jobs import workers_of
+    from anhyst.support.jobs import use_scheduler
     from anhyst_rigs.reports.tuning import write_pareto
     from anhyst_rigs.study.tuning.aims import Aims
     from anhyst_rigs.study.tuning.tuning import tune as work
@@ -123,7 +123,7 @@ def tune(
     check_path(rig, "tune: rig", "the path of a rig file")
     folder = Path(check_path(out, "tune: out"))
     aims = Aims(overshoot, peak, settling, standstill, effort, error, average)
-    with workers_of(scheduler):
+    with use_scheduler(scheduler):
         result = work(
             rig, folder, controller, aims, all_variants=all_variants, crossover=crossover,
             budget=budget, seed=seed, jobs=jobs, progress=progress,
@@ -139,19 +139,19 @@ def warnings(result: Tuning) -> tuple[str, ...]:
 
 def as_json(result: Tuning, _: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return the result for JSON."""
-    from anhyst_rigs.study.tuning.result import figures_of
+    from anhyst_rigs.study.tuning.result import result_dict
 
-    return figures_of(result)
+    return result_dict(result)
 
 
-def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[Part]:
+def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return what was reached, what limits it, and what was written."""
     from anhyst.cli.printing import TerminalTable
-    from anhyst_rigs.study.tuning.result import aims_text, heads, rows, worth
+    from anhyst_rigs.study.tuning.result import column_heads, format_aims, table_rows, verdict_text
 
-    head, out = heads(result)[:-1], given["out"]
-    reached = TerminalTable(f"tuned for {aims_text(result)}", head)
-    for row in rows(result):
+    head, out = column_heads(result)[:-1], given["out"]
+    reached = TerminalTable(f"tuned for {format_aims(result)}", head)
+    for row in table_rows(result):
         reached.add_row(*row[: len(head)])
     yield reached
     yield (
@@ -161,10 +161,10 @@ def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[Part]:
     for name, tuned in result.tuned.items():
         yield from (f"what limits '{name}': {one.text}" for one in tuned.limits)
     for name, tuned in result.tuned.items():
-        if tuned.found.check:
-            yield from (f"'{name}': {text}" for text in tuned.found.check.notes)
-    yield f"verdict: {worth(result)}"
-    yield from result.plant.lines if result.plant else ()
+        if tuned.search_result.check:
+            yield from (f"'{name}': {text}" for text in tuned.search_result.check.notes)
+    yield f"verdict: {verdict_text(result)}"
+    yield from result.plant.report_lines if result.plant else ()
     yield f"{result.seconds:.0f} s, {result.cpu_seconds:.0f} s of processor time"
     yield from (f"written: {path}" for path in result.written.values())
     yield f"written: {out / 'tuning.json'}, {out / 'tuning.md'}, {out / 'pareto.png'}"
@@ -173,10 +173,10 @@ def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[Part]:
 def refuse(result: Tuning, _: Mapping[str, Any]) -> None:
     """Raise an error if the search was interrupted or requirements were missed."""
     from anhyst.support.errors import Interrupted, NegativeResult
-    from anhyst_rigs.study.tuning.result import shortfall
+    from anhyst_rigs.study.tuning.result import describe_shortfall
 
     if result.interrupted:
-        kept = ", ".join(str(path) for path in result.written.values())
-        raise Interrupted(f"the best so far, not checked, is in {kept}")
-    if (missed := shortfall(result)) is not None:
+        written_paths = ", ".join(str(path) for path in result.written.values())
+        raise Interrupted(f"the best so far, not checked, is in {written_paths}")
+    if (missed := describe_shortfall(result)) is not None:
         raise NegativeResult(missed, code="aims-missed")

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from anhyst.data.loops import Loops
     from anhyst.model.actuator import Model
     from anhyst.support.atomic import PathLike
-    from anhyst_rigs.study.watch import Watched
+    from anhyst_rigs.study.watch import WatchResult
 
 PLACE = 42, "During operation"
 
@@ -21,7 +21,7 @@ def watch(
     least: float | None = None,
     run_length: float = 1e5,
     **reading: Any,
-) -> Watched:
+) -> WatchResult:
     """Check whether a model still fits its magnet, or since when and by how much it has drifted.
 
     The first cycles of the current in the recording show the residual of the model while it fits.
@@ -58,18 +58,18 @@ def watch(
     return watch_recording(model, recording, reading, least=least, run_length=run_length)
 
 
-def show(result: Watched, given: Mapping[str, Any]) -> list[str]:
+def show(result: WatchResult, given: Mapping[str, Any]) -> list[str]:
     """Return what a terminal shows."""
-    is_known = result.finding.drifted is None and not result.finding.learning
+    is_known = result.finding.drift is None and not result.finding.is_learning
     return [str(result)] if is_known else []
 
 
-def refuse(result: Watched, given: Mapping[str, Any]) -> None:
+def refuse(result: WatchResult, given: Mapping[str, Any]) -> None:
     """Raise NegativeResult if the model has drifted."""
     from anhyst.support.errors import InputError, NegativeResult
 
-    if result.finding.drifted is not None:
+    if result.finding.drift is not None:
         raise NegativeResult(str(result), code="drifted")
-    if result.finding.learning:
+    if result.finding.is_learning:
         recording = given["recording"]
         raise InputError(f"{recording}: too short to say: {result}; record more", code="too-short")

@@ -13,21 +13,21 @@ from typing import Annotated, Any, cast
 
 import typer
 
-from anhyst.cli.generate import add_absent, add_command, read_verbs
+from anhyst.cli.generate import add_command, add_missing_command, load_verbs
 from anhyst.cli.printing import printer, start_printing
-from anhyst.cli.shared import one_line, say_error, warn
+from anhyst.cli.shared import fold_to_line, print_error, print_warning
 from anhyst.support import verbs
-from anhyst.support.errors import CreepWarning, InputError, Interrupted, NegativeResult
-from anhyst.support.registry import PARTS, package_at_fault
-from anhyst.support.wording import command_line
+from anhyst.support.errors import InputError, Interrupted, NegativeResult, ReturnPointMemoryWarning
+from anhyst.support.registry import PROJECT_PACKAGES, package_at_fault
+from anhyst.support.wording import use_command_line_wording
 
-BAD_INPUT = 2
-NEGATIVE = 1
-FAULT = 70
-INTERRUPTED = 130
+EXIT_BAD_INPUT = 2
+EXIT_NEGATIVE = 1
+EXIT_FAULT = 70
+EXIT_INTERRUPTED = 130
 
 # Typer carries the library it is built on under a private name that has changed.
-_Refusal = cast(
+_ClickError = cast(
     "type[typer.BadParameter]",
     next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException"),
 )
@@ -39,15 +39,15 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _verb in read_verbs():
+for _verb in load_verbs():
     add_command(app, _verb)
-for _name in (name for names in PARTS.values() for name in names):
-    if _package := verbs.package_with(_name):
-        add_absent(app, _name, _package)
+for _name in (name for names in PROJECT_PACKAGES.values() for name in names):
+    if _package := verbs.missing_package(_name):
+        add_missing_command(app, _name, _package)
 
 
-def _print_version(asked_for: bool) -> None:
-    if asked_for:
+def _print_version(is_requested: bool) -> None:
+    if is_requested:
         from anhyst.support import running_version
 
         print(f"anhyst {running_version()}")
@@ -73,66 +73,66 @@ def _anhyst(
 
 
 @cache
-def command_of(commands: typer.Typer) -> Callable[..., Any]:
+def build_command(commands: typer.Typer) -> Callable[..., Any]:
     """Return what runs the verbs: their options take a while to gather."""
     return typer.main.get_command(commands)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line."""
-    kept = ""
+    saved_text = ""
     start_printing()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # code pages of Windows lack some signs
     try:
-        with command_line():
-            code = _run(arguments)
+        with use_command_line_wording():
+            code = _run_verb(arguments)
     except (KeyboardInterrupt, typer.Abort):
-        code = INTERRUPTED
+        code = EXIT_INTERRUPTED
     except BrokenPipeError:
         # Nobody reads any more; keep the interpreter from complaining when it flushes.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return NEGATIVE
+        return EXIT_NEGATIVE
     except Interrupted as stop:
-        code, kept = INTERRUPTED, f": {one_line(str(stop))}"
+        code, saved_text = EXIT_INTERRUPTED, f": {fold_to_line(str(stop))}"
     except Exception as fault:
         if "ANHYST_TRACE" in os.environ:
             raise
-        of = f"the package {whose}" if (whose := package_at_fault(fault)) else "anhyst"
-        say_error(
-            f"{type(fault).__name__}: {fault}; this is a fault of {of}, not of your input: run "
+        culprit = f"the package {package}" if (package := package_at_fault(fault)) else "anhyst"
+        print_error(
+            f"{type(fault).__name__}: {fault}; this is a fault of {culprit}, not of your input: run "
             "again with ANHYST_TRACE=1 and report what it prints"
         )
-        return FAULT
-    if code == INTERRUPTED:
-        print(f"anhyst: interrupted{kept}", file=sys.stderr)
+        return EXIT_FAULT
+    if code == EXIT_INTERRUPTED:
+        print(f"anhyst: interrupted{saved_text}", file=sys.stderr)
         # Python remembers an interrupt that went through an exec (as dataclasses use while they
         # are imported) and would kill itself by it in the end; another exec makes it forget.
         exec("")
     return code
 
 
-def _run(arguments: Sequence[str] | None) -> int:
+def _run_verb(arguments: Sequence[str] | None) -> int:
     """Run a verb; what is wrong with its input becomes one line."""
     try:
         with warnings.catch_warnings():
             # Verbs say themselves what a user has to know; lines of libraries are for developers.
             warnings.simplefilter("ignore")
-            warnings.simplefilter("always", CreepWarning)
-            warnings.showwarning = lambda text, *_: warn(str(text))
+            warnings.simplefilter("always", ReturnPointMemoryWarning)
+            warnings.showwarning = lambda text, *_: print_warning(str(text))
             try:
-                run = command_of(app)
+                run = build_command(app)
                 return int(run(args=arguments, prog_name="anhyst", standalone_mode=False) or 0)
             finally:
                 printer.finish()
     except NegativeResult as error:
-        print(f"anhyst: {one_line(str(error))}", file=sys.stderr)
-        return NEGATIVE
+        print(f"anhyst: {fold_to_line(str(error))}", file=sys.stderr)
+        return EXIT_NEGATIVE
     except InputError as error:
         text = str(error)
-    except _Refusal as error:
+    except _ClickError as error:
         if not (message := error.format_message()):
-            return BAD_INPUT  # the help has been shown
+            return EXIT_BAD_INPUT  # the help has been shown
         message = message.replace("Value error, ", "")
         stop = "" if message.endswith((".", "?")) else "."
         text = f"{message}{stop} See 'anhyst --help'."
@@ -144,8 +144,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         where = f"{error.filename}: " if error.filename else ""
         advice = "; make room" if error.errno == errno.ENOSPC else ""
         text = f"{where}{error.strerror or error}{advice}"
-    say_error(text)
-    return BAD_INPUT
+    print_error(text)
+    return EXIT_BAD_INPUT
 
 
 if __name__ == "__main__":

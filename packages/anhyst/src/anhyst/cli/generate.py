@@ -20,29 +20,29 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
 
-from anhyst.cli.docstring import Described, Docstring, read_docstring, with_options
+from anhyst.cli.docstring import Docstring, ParameterDoc, read_docstring, use_option_names
 from anhyst.cli.reading import read_options
 from anhyst.cli.shared import (
     AsJson,
-    Part,
+    OutputPart,
     Verbose,
-    of_its_kind,
+    check_file_kind,
+    print_parts,
+    print_warning,
+    print_with_warnings,
     progress_bar,
-    show,
-    show_with,
-    warn,
 )
 from anhyst.support import verbs
 from anhyst.support.atomic import json_text
 from anhyst.support.errors import InputError, Interrupted
 
-Given = Mapping[str, Any]
+Arguments = Mapping[str, Any]
 """The arguments of a verb, as the command line gives them to its function."""
 
-_READING = inspect.signature(read_options).parameters
-_CALLED_BACK = frozenset({"progress", "started"})
+_READING_PARAMETERS = inspect.signature(read_options).parameters
+_CALLBACK_NAMES = frozenset({"progress", "started"})
 """Parameters that the command itself supplies."""
-_AS_READ = "as of `read_loops`"
+_SHARED_TEXT_MARK = "as of `read_loops`"
 """Type field of a parameter whose text is that of the options of reading."""
 
 
@@ -77,7 +77,7 @@ class Verb:
         place: tuple[int, str] = getattr(self.module, "PLACE", (99, "More"))
         return place
 
-    def told(self, name: str, default: Callable[..., Any]) -> Callable[..., Any]:
+    def hook(self, name: str, default: Callable[..., Any]) -> Callable[..., Any]:
         """Return what the module says about the command, or what holds for most verbs."""
         found: Callable[..., Any] = getattr(self.module, name, default)
         return found
@@ -85,15 +85,15 @@ class Verb:
     @cached_property
     def parameters(self) -> dict[str, inspect.Parameter]:
         """Those of the function that the command line has."""
-        own = dict(inspect.signature(self.function).parameters)
-        described = self.described.parameters.items()
-        hidden = {name for name, one in described if "only in Python" in one.kind}
-        if own.pop("reading", None) is not None and "**reading" not in hidden:
-            own |= _READING
-        return {name: one for name, one in own.items() if name not in hidden | _CALLED_BACK}
+        shown = dict(inspect.signature(self.function).parameters)
+        described = self.docstring.parameters.items()
+        hidden = {name for name, parameter in described if "only in Python" in parameter.type_text}
+        if shown.pop("reading", None) is not None and "**reading" not in hidden:
+            shown |= _READING_PARAMETERS
+        return {name: one for name, one in shown.items() if name not in hidden | _CALLBACK_NAMES}
 
     @cached_property
-    def described(self) -> Docstring:
+    def docstring(self) -> Docstring:
         """What the docstring of the function says."""
         return read_docstring(self.function)
 
@@ -103,24 +103,26 @@ class Verb:
         return hasattr(self.module, "show_started")
 
 
-def read_verbs() -> list[Verb]:
+def load_verbs() -> list[Verb]:
     """Return every verb, in the order of the help; warn of one of another package that cannot be used."""
     found = []
     for fault in verbs.faults():
-        warn(f"left out: {fault}")
-    own = verbs.modules(of_project=True)
-    for name, place in verbs.modules().items():
+        print_warning(f"left out: {fault}")
+    project_verbs = verbs.modules(is_project_only=True)
+    for name, module_name in verbs.modules().items():
         try:
             with redirect_stdout(sys.stderr):  # standard output is for results
-                verb = Verb(name, import_module(place))
+                verb = Verb(name, import_module(module_name))
             if list(map(type, verb.place)) != [int, str]:
                 raise TypeError("PLACE must be a rank and the name of a panel")
-            inspect.Signature(_options(verb))
+            inspect.Signature(_command_parameters(verb))
             found.append(verb)
         except (Exception, SystemExit) as error:
-            if name in own:
+            if name in project_verbs:
                 raise
-            warn(f"left out: the verb {name} of {place}: {error}; update its package")
+            print_warning(
+                f"left out: the verb {name} of {module_name}: {error}; update its package"
+            )
     return sorted(found, key=lambda verb: (verb.place, verb.name))
 
 
@@ -128,18 +130,18 @@ def add_command(app: typer.Typer, verb: Verb) -> None:
     """Add a verb to the command line."""
 
     def run(**options: Any) -> None:
-        _run(verb, options)
+        _run_verb(verb, options)
 
-    run.__signature__ = inspect.Signature(_options(verb))  # type: ignore[attr-defined]
-    run.__annotations__ = {one.name: one.annotation for one in _options(verb)}
-    about = [with_options(verb.described.about, _flags(verb))]
-    about += [f"Example: {example}" for example in verb.described.examples]
+    run.__signature__ = inspect.Signature(_command_parameters(verb))  # type: ignore[attr-defined]
+    run.__annotations__ = {option.name: option.annotation for option in _command_parameters(verb)}
+    about = [use_option_names(verb.docstring.summary, _option_names(verb))]
+    about += [f"Example: {example}" for example in verb.docstring.examples]
     app.command(
         verb.command, help="\n\n".join(about), no_args_is_help=True, rich_help_panel=verb.place[1]
     )(run)
 
 
-def add_absent(app: typer.Typer, name: str, package: str) -> None:
+def add_missing_command(app: typer.Typer, name: str, package: str) -> None:
     """Let a verb of a package that is not installed say so, whatever follows it."""
     command = name.replace("_", "-")
 
@@ -152,9 +154,9 @@ def add_absent(app: typer.Typer, name: str, package: str) -> None:
     app.command(command, hidden=True, context_settings=takes_all)(refuse)
 
 
-def _flags(verb: Verb) -> dict[str, str]:
+def _option_names(verb: Verb) -> dict[str, str]:
     """Return the option of each parameter."""
-    described = verb.described.parameters
+    described = verb.docstring.parameters
     return {
         name: (name in described and described[name].flag)
         or f"--{name.strip('_').replace('_', '-')}"
@@ -163,26 +165,26 @@ def _flags(verb: Verb) -> dict[str, str]:
 
 
 @cache
-def _options(verb: Verb) -> list[inspect.Parameter]:
+def _command_parameters(verb: Verb) -> list[inspect.Parameter]:
     """Return the parameters of the command as typer takes them."""
-    flags, shared = _flags(verb), read_docstring(read_options).parameters
-    checked = ""  # annotation of the arguments whose kind of file is checked
+    flags, shared = _option_names(verb), read_docstring(read_options).parameters
+    checked_annotation = ""  # annotation of the arguments whose kind of file is checked
     options: list[tuple[str, Any, Any]] = []
     for name, parameter in verb.parameters.items():
-        described = verb.described.parameters.get(name) or shared.get(name) or Described()
-        described = shared[name] if _AS_READ in described.kind else described
-        is_required = "required on the command line" in described.kind
+        described = verb.docstring.parameters.get(name) or shared.get(name) or ParameterDoc()
+        described = shared[name] if _SHARED_TEXT_MARK in described.type_text else described
+        is_required = "required on the command line" in described.type_text
         is_required = is_required or parameter.default is parameter.empty
-        kind = _type_of(parameter, verb.module)
-        settings = _settings(described, flags)
-        if "argument" in described.kind or (is_required and name != "out"):
-            checked = checked or parameter.annotation
-            if parameter.annotation == checked and name != "out":
-                settings["callback"] = of_its_kind
+        kind = _option_type(parameter, verb.module)
+        settings = _typer_settings(described, flags)
+        if "argument" in described.type_text or (is_required and name != "out"):
+            checked_annotation = checked_annotation or parameter.annotation
+            if parameter.annotation == checked_annotation and name != "out":
+                settings["callback"] = check_file_kind
             info = typer.Argument(**{"metavar": name.upper()} | settings)
         else:
-            spelled = (flags[name], *(["-o"] if name == "out" else []))
-            info = typer.Option(*spelled if parameter.default is not True else (), **settings)
+            spellings = (flags[name], *(["-o"] if name == "out" else []))
+            info = typer.Option(*spellings if parameter.default is not True else (), **settings)
         default = inspect.Parameter.empty if is_required else parameter.default
         default = Path(default) if kind is Path and isinstance(default, str) else default
         kind = kind if default is not None else kind | None
@@ -195,107 +197,112 @@ def _options(verb: Verb) -> list[inspect.Parameter]:
     ]
 
 
-def _settings(described: Described, flags: Mapping[str, str]) -> dict[str, Any]:
+def _typer_settings(described: ParameterDoc, flags: Mapping[str, str]) -> dict[str, Any]:
     """Return what typer is told of a parameter, besides its type."""
-    found = {
-        "help": with_options(described.text, flags),
+    settings = {
+        "help": use_option_names(described.text, flags),
         "metavar": described.metavar,
-        "min": described.low,
-        "max": described.high,
+        "min": described.minimum,
+        "max": described.maximum,
     }
-    return {name: value for name, value in found.items() if value is not None}
+    return {name: value for name, value in settings.items() if value is not None}
 
 
-_TYPES = (
+_PATH_TYPES = (
     (r"\bSequence\[.*PathLike|\bLoopSource\b", list[Path]),
     (r"\bPath(Like)?\b", Path),
 )
 """Type on the command line for the annotation of a parameter that is not of a plain type."""
 
 
-def _type_of(parameter: inspect.Parameter, module: ModuleType) -> Any:
+def _option_type(parameter: inspect.Parameter, module: ModuleType) -> Any:
     """Return the type of a parameter on the command line."""
-    text, hint = inspect.formatannotation(parameter.annotation).strip("'"), parameter.annotation
+    text, annotation = (
+        inspect.formatannotation(parameter.annotation).strip("'"),
+        parameter.annotation,
+    )
     with suppress(Exception):  # names that only type checkers import
-        hint = eval(hint, vars(module)) if isinstance(hint, str) else hint
-    if NoneType in get_args(hint):
-        hint = get_args(hint)[0]
-    if get_origin(hint) is Literal or hint in (bool, int, float):
-        return hint
-    return next((kind for pattern, kind in _TYPES if re.search(pattern, text)), str)
+        annotation = eval(annotation, vars(module)) if isinstance(annotation, str) else annotation
+    if NoneType in get_args(annotation):
+        annotation = get_args(annotation)[0]
+    if get_origin(annotation) is Literal or annotation in (bool, int, float):
+        return annotation
+    return next((kind for pattern, kind in _PATH_TYPES if re.search(pattern, text)), str)
 
 
-def _run(verb: Verb, options: dict[str, Any]) -> None:
+def _run_verb(verb: Verb, options: dict[str, Any]) -> None:
     """Run a verb and print its result."""
     as_json = options.pop("as_json", False)
     options.pop("_verbose", None)
-    given = _given(verb, options)
+    arguments = _function_arguments(verb, options)
     if not as_json:
-        show(*verb.told("preview", _nothing)(given))
+        print_parts(*verb.hook("preview", _no_output)(arguments))
     try:
-        result = _call(verb, given)
+        result = _call_function(verb, arguments)
     except KeyboardInterrupt:
-        if kept := "".join(verb.told("stopped", _nothing)(given)):
-            raise Interrupted(kept) from None
+        if saved_text := "".join(verb.hook("stopped", _no_output)(arguments)):
+            raise Interrupted(saved_text) from None
         raise
-    warnings = tuple(verb.told("warnings", lambda of: getattr(of, "warnings", ()))(result))
+    warnings = tuple(verb.hook("warnings", lambda of: getattr(of, "warnings", ()))(result))
     if as_json:
         for text in warnings:
-            warn(text)
-        print(json_text(verb.told("as_json", _as_json)(result, given)), end="")
+            print_warning(text)
+        print(json_text(verb.hook("as_json", _result_as_json)(result, arguments)), end="")
     else:
-        show_with(warnings, *verb.told("show", _show)(result, given))
-    verb.told("refuse", _nothing)(result, given)
+        print_with_warnings(warnings, *verb.hook("show", _show_result)(result, arguments))
+    verb.hook("refuse", _no_output)(result, arguments)
 
 
-def _given(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any]:
+def _function_arguments(verb: Verb, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments of the function from the options of the command line."""
-    given = dict(options)
+    arguments = dict(options)
     texts = {}
     for name, value in options.items():
         if isinstance(value, str) and "Sequence[str]" in str(verb.parameters[name].annotation):
-            given[name] = value.split(",")
-        own = verb.described.parameters.get(name)
-        if name in _READING and (own is None or _AS_READ in own.kind):
+            arguments[name] = value.split(",")
+        parameter = verb.docstring.parameters.get(name)
+        if name in _READING_PARAMETERS and (
+            parameter is None or _SHARED_TEXT_MARK in parameter.type_text
+        ):
             texts[name] = value
     read = asdict(read_options(**texts)) if texts else {}
-    takes_all = "reading" in inspect.signature(verb.function).parameters
-    return given | {
-        name: read[name] for name, value in texts.items() if takes_all or value is not None
+    has_reading = "reading" in inspect.signature(verb.function).parameters
+    return arguments | {
+        name: read[name] for name, value in texts.items() if has_reading or value is not None
     }
 
 
-def _call(verb: Verb, given: Mapping[str, Any]) -> Any:
+def _call_function(verb: Verb, arguments: Mapping[str, Any]) -> Any:
     """Call the function, with a bar until it ends or has started."""
-    takes = inspect.signature(verb.function).parameters
-    with ExitStack() as opening:
-        calls: dict[str, Any] = {}
-        if "progress" in takes:
+    parameters = inspect.signature(verb.function).parameters
+    with ExitStack() as stack:
+        callbacks: dict[str, Any] = {}
+        if "progress" in parameters:
             title = getattr(verb.module, "PROGRESS", verb.command)
-            calls["progress"] = opening.enter_context(progress_bar(title))
+            callbacks["progress"] = stack.enter_context(progress_bar(title))
         if verb.is_endless:
 
             def started(*values: Any) -> None:
-                opening.close()  # ends the bar
-                show(*verb.module.show_started(*values))
+                stack.close()  # ends the bar
+                print_parts(*verb.module.show_started(*values))
 
-            calls["started"] = started
-        return verb.function(**given, **calls)
+            callbacks["started"] = started
+        return verb.function(**arguments, **callbacks)
 
 
-def _nothing(*_: Any) -> tuple[str, ...]:
+def _no_output(*_: Any) -> tuple[str, ...]:
     return ()
 
 
-def _as_json(result: Any, _: Given) -> Mapping[str, Any]:
+def _result_as_json(result: Any, _: Arguments) -> Mapping[str, Any]:
     if isinstance(result, Mapping):
         return result
-    found: Mapping[str, Any] = result.as_dict() if hasattr(result, "as_dict") else asdict(result)
-    return found
+    fields: Mapping[str, Any] = result.as_dict() if hasattr(result, "as_dict") else asdict(result)
+    return fields
 
 
-def _show(result: Any, given: Given) -> Iterable[Part]:
+def _show_result(result: Any, arguments: Arguments) -> Iterable[OutputPart]:
     """Show the figures that a result names first, and what was written."""
     facts = result if isinstance(result, Mapping) else getattr(result, "facts", dict)()
-    written = [f"written: {given['out']}"] if given.get("out") is not None else []
+    written = [f"written: {arguments['out']}"] if arguments.get("out") is not None else []
     return [*(f"{name}: {text}" for name, text in facts.items()), *written]

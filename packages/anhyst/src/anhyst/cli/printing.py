@@ -13,7 +13,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from anhyst.support.wording import count_of
+from anhyst.support.wording import count_text
 
 WIDTH = 80
 """Width of a pipe, in columns."""
@@ -23,10 +23,10 @@ MIN_LINES = 12
 """Number of lines that results get in any case, however many warnings there are."""
 MAX_CELL = 34
 """Width from which the text of a cell is wrapped, in columns."""
-_GAP = "  "
+_COLUMN_GAP = "  "
 _INDENT = "    "
-_VALUE = re.compile(r"(\d) (%|[A-Za-zµ]{1,2}\b)")
-_NUMBER = re.compile(r"[-+<>~]?\d")
+_VALUE_WITH_UNIT_PATTERN = re.compile(r"(\d) (%|[A-Za-zµ]{1,2}\b)")
+_NUMBER_PATTERN = re.compile(r"[-+<>~]?\d")
 
 
 @dataclass
@@ -54,17 +54,19 @@ class TerminalTable:
         blocks: list[list[_Column]] = []
         while rest or not blocks:
             fitting = [first]
-            while rest and sum(c.width + len(_GAP) for c in (*fitting, rest[0])) <= width + 2:
+            while (
+                rest and sum(c.width + len(_COLUMN_GAP) for c in (*fitting, rest[0])) <= width + 2
+            ):
                 fitting.append(rest.pop(0))
             if len(fitting) == 1 and rest:
                 fitting.append(rest.pop(0))
             blocks.append(fitting)
-        text = wrapped(self.title, width) if self.title else []
+        text = wrap_sentence(self.title, width) if self.title else []
         for block in blocks if is_verbose else blocks[:1]:
-            text += _lines_of(block)
+            text += _table_lines(block)
         hidden = [column.name for block in blocks[1:] for column in block[1:] if column.name]
         if hidden and not is_verbose:
-            text += wrapped(f"more columns with --verbose: {', '.join(hidden)}", width)
+            text += wrap_sentence(f"more columns with --verbose: {', '.join(hidden)}", width)
         return text
 
 
@@ -78,14 +80,14 @@ class _Column:
         lines = [line for cell in (self.head, *self.cells) for line in cell]
         self.width = max(map(len, lines))
         filled = [cell[0] for cell in self.cells if cell[0]]
-        has_numbers = sum(map(bool, map(_NUMBER.match, filled))) > len(filled) // 2
+        has_numbers = sum(map(bool, map(_NUMBER_PATTERN.match, filled))) > len(filled) // 2
         self.is_right = has_numbers and not is_first
 
     def pad(self, text: str) -> str:
         return text.rjust(self.width) if self.is_right else text.ljust(self.width)
 
 
-def _lines_of(columns: Sequence[_Column]) -> list[str]:
+def _table_lines(columns: Sequence[_Column]) -> list[str]:
     """Return head and rows of columns side by side."""
     lines = []
     for cells in zip(*([c.head, *c.cells] for c in columns), strict=True):
@@ -94,17 +96,17 @@ def _lines_of(columns: Sequence[_Column]) -> list[str]:
                 column.pad(cell[index] if index < len(cell) else "")
                 for column, cell in zip(columns, cells, strict=True)
             )
-            lines.append(_GAP.join(parts).rstrip())
+            lines.append(_COLUMN_GAP.join(parts).rstrip())
     return lines
 
 
-def wrapped(text: str, width: int) -> list[str]:
+def wrap_sentence(text: str, width: int) -> list[str]:
     """Wrap a sentence between words; a path and a command to paste stay in one piece."""
     if text.lstrip().startswith("anhyst "):
         return [text]
     start = text[: len(text) - len(text.lstrip())]
     lines = textwrap.wrap(
-        _VALUE.sub("\\1\N{NO-BREAK SPACE}\\2", text),
+        _VALUE_WITH_UNIT_PATTERN.sub("\\1\N{NO-BREAK SPACE}\\2", text),
         width,
         subsequent_indent=start + _INDENT,
         break_long_words=False,
@@ -118,46 +120,46 @@ class Printer:
     """Prints what a verb has to say, and keeps count of its lines."""
 
     is_verbose: bool = False
-    used: int = 0
-    limit: int = MAX_LINES
-    held: list[str] = field(default_factory=list)
+    used_lines: int = 0
+    max_lines: int = MAX_LINES
+    pending: list[str] = field(default_factory=list)
 
     def reserve(self, texts: Iterable[str]) -> None:
         """Keep lines free for warnings."""
         needed = sum(-(-len(text) // WIDTH) for text in texts)
-        self.limit = max(MIN_LINES, MAX_LINES - needed)
+        self.max_lines = max(MIN_LINES, MAX_LINES - needed)
 
     def print(self, parts: Iterable[str | TerminalTable]) -> None:
         """Print tables and sentences as far as there are lines, and hold the others.
 
         A sentence is printed as a whole or not at all, and nothing is printed after a gap.
         """
-        width = _width()
+        width = _output_width()
         for part in parts:
             if isinstance(part, TerminalTable):
                 lines = part.lines(width, is_verbose=self.is_verbose)
-                fitting = len(lines) if self.is_verbose else self.limit - 1 - self.used
+                fitting = len(lines) if self.is_verbose else self.max_lines - 1 - self.used_lines
             else:
-                lines = [line for text in part.split("\n") for line in wrapped(text, width)]
-                fits = self.is_verbose or self.used + len(lines) < self.limit
-                fitting = len(lines) if fits else 0
-            fitting = 0 if self.held else max(fitting, 0)
+                lines = [line for text in part.split("\n") for line in wrap_sentence(text, width)]
+                has_room = self.is_verbose or self.used_lines + len(lines) < self.max_lines
+                fitting = len(lines) if has_room else 0
+            fitting = 0 if self.pending else max(fitting, 0)
             for index, line in enumerate(lines[:fitting]):
                 _print_line(line, is_bold=isinstance(part, TerminalTable) and index == 0)
-            self.used += len(lines[:fitting])
-            self.held += lines[fitting:]
+            self.used_lines += len(lines[:fitting])
+            self.pending += lines[fitting:]
 
     def finish(self) -> None:
         """Print the lines that were held if there is room, or else their number."""
-        if self.used + len(self.held) <= self.limit:
-            for line in self.held:
+        if self.used_lines + len(self.pending) <= self.max_lines:
+            for line in self.pending:
                 _print_line(line)
-        elif self.held:
-            _print_line(f"{count_of(len(self.held), 'more line')}: --verbose")
-        self.held = []
+        elif self.pending:
+            _print_line(f"{count_text(len(self.pending), 'more line')}: --verbose")
+        self.pending = []
 
 
-def _width() -> int:
+def _output_width() -> int:
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
 
 
@@ -176,5 +178,5 @@ printer = Printer()
 
 def start_printing() -> None:
     """Begin to count lines for another verb."""
-    printer.is_verbose, printer.used, printer.limit = False, 0, MAX_LINES
-    printer.held = []
+    printer.is_verbose, printer.used_lines, printer.max_lines = False, 0, MAX_LINES
+    printer.pending = []

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst import _core
-from anhyst.support.block_layout import WORDS, Word
-from anhyst.support.block_words import ONES, Names, Scales, WordUnit
+from anhyst.support.block_layout import WORD_INDEX_OF_KIND, Word
+from anhyst.support.block_words import CODE_OF_ONE, Scales, SignalUnits, WordUnit
 from anhyst.support.kinds import NumberFormat
 
 Kind = Literal["full", "simplified", "euler", "cells"]
@@ -77,24 +77,24 @@ class Block:
         """Bytes."""
         return self.words.nbytes
 
-    def one(self, word: Word) -> float:
+    def code_of_one(self, word: Word) -> float:
         """Return the value of a word, or of an entry of its table, that stands for 1.0."""
-        return ONES[word.format] if self.is_fixed else 1.0
+        return CODE_OF_ONE[word.format] if self.is_fixed else 1.0
 
-    def word(self, name: str) -> int:
+    def integer(self, name: str) -> int:
         """One integer by its name in the layout, without ``ANHYST_WORD_``."""
-        return int(self.words[WORDS[self.kind][name]])
+        return int(self.words[WORD_INDEX_OF_KIND[self.kind][name]])
 
-    def number(self, name: str) -> float:
+    def word_value(self, name: str) -> float:
         """One word as it is, by its name in the layout."""
-        return float(self.words[WORDS[self.kind][name]])
+        return float(self.words[WORD_INDEX_OF_KIND[self.kind][name]])
 
-    def single(self, name: str) -> float:
+    def single_precision(self, name: str) -> float:
         """One number of two words by its name in the layout."""
-        at = WORDS[self.kind][name]
+        index = WORD_INDEX_OF_KIND[self.kind][name]
         if not self.is_fixed:
-            return float(self.words[at])
-        return single_value(*(int(word) for word in self.words[at : at + 2]))
+            return float(self.words[index])
+        return join_single(*(int(word) for word in self.words[index : index + 2]))
 
     @property
     def c_type(self) -> str:
@@ -102,20 +102,20 @@ class Block:
         return {"float32": "float", "float64": "double", "int16": "int16_t"}[self.words.dtype.name]
 
     @property
-    def memories(self) -> int:
+    def memory_count(self) -> int:
         """Number of memories of its law that the iron consists of."""
         if self.kind != "cells":
             return 1
-        return max(self.word("SOLID_LAYERS"), 1) + (self.number("SOLID_LAMINATED") > 0)
+        return max(self.integer("SOLID_LAYERS"), 1) + (self.word_value("SOLID_LAMINATED") > 0)
 
-    def unit(self, word: Word, names: Names) -> WordUnit:
+    def word_unit(self, word: Word, names: SignalUnits) -> WordUnit:
         """Return what 1.0 of a word, or of an entry of its table, is worth."""
         scale = {"": 1.0, "demand": self.scales.demand, "current": self.scales.current}[word.of]
         units = {"demand": names.output, "current": names.input}
         units |= {"output": names.output, "input": names.input}
-        named = word.of or word.unit
-        shift = self.word(word.shift) if word.shift else 0
-        return WordUnit(word.factor * scale * 2.0**shift, units.get(named, named))
+        unit_name = word.of or word.unit
+        shift = self.integer(word.shift) if word.shift else 0
+        return WordUnit(word.factor * scale * 2.0**shift, units.get(unit_name, unit_name))
 
     def table(self, name: str) -> WordArray:
         """Entries of one table, by the name of the word that points to it."""
@@ -123,26 +123,26 @@ class Block:
         return self.words[first : first + entries]
 
 
-def single_words(value: float) -> tuple[int, int]:
+def split_single(value: float) -> tuple[int, int]:
     """Return the bits of a number in single precision, low half, high half."""
     bits = int(np.float32(value).view(np.uint32))
     return bits & 0xFFFF, bits >> 16
 
 
-def single_value(low: int, high: int) -> float:
+def join_single(low: int, high: int) -> float:
     """Return the number of two words, each signed or not."""
     bits = (low & 0xFFFF) | (high & 0xFFFF) << 16
     return float(f"{np.uint32(bits).view(np.float32):.7g}")
 
 
-def core_of(block: Block) -> _core.FixedCompensator | _core.CompensatorF32 | _core.Compensator:
+def make_core(block: Block) -> _core.FixedCompensator | _core.CompensatorF32 | _core.Compensator:
     """Return the core's compensator of a block, demagnetised; `ValueError` if the core refuses it."""
     if block.is_fixed:
         return _core.FixedCompensator(block.kind, block.words)
-    return real_core_of(block)
+    return make_real_core(block)
 
 
-def real_core_of(block: Block) -> _core.CompensatorF32 | _core.Compensator:
+def make_real_core(block: Block) -> _core.CompensatorF32 | _core.Compensator:
     """Return the core's compensator of a block in floating point, demagnetised."""
     if block.words.dtype == np.float32:
         return _core.CompensatorF32(block.kind, block.words)

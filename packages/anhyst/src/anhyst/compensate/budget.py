@@ -3,7 +3,7 @@
 The compensator's currents go through the exact model in double precision; what comes out is
 compared with what was demanded, over nested loops, random reversals, full-range jumps in one
 sample and a moving gap, all of it on other paths than those the plan was made on. That is while the
-demand travels; what becomes of one that is held is measured apart (:mod:`.holding`).
+demand travels; what becomes of one that is held is measured apart (:mod:`.output_drift`).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compensate.holding import SECONDS, Held, hold
 from anhyst.compensate.measure import BudgetPart, CompensatorTrial, PathRun
+from anhyst.compensate.output_drift import HOLD_TIME_S, HeldDemand, measure_drift
 from anhyst.compensate.plan import Plan
 from anhyst.model.actuator import Model
 from anhyst.support.errors import NegativeResult
@@ -26,15 +26,19 @@ from anhyst.support.numeric import FloatArray, rms
 class Budget:
     """Measured error budget of a compensator."""
 
-    largest: float  # output to which per cent refer
+    reference_output: float  # output to which per cent refer
     unit: str  # of the output
-    wanted: float | None  # accuracy that was asked for, in units of the output; None where none was
+    required: (
+        float | None
+    )  # accuracy that was asked for, in units of the output; None where none was
     parts: tuple[BudgetPart, ...]  # each switched on alone
     compiled: BudgetPart  # everything that compiling adds, switched on together
     # all parts: worst ones added up, which no path need ever reach; rms as a root of squares
     total: BudgetPart
-    drift: BudgetPart  # of an output that is held, in :data:`~anhyst.compensate.holding.SECONDS`
-    held: tuple[Held, ...]  # what was held for that
+    drift: (
+        BudgetPart  # of an output that is held, in :data:`~anhyst.compensate.output_drift.SECONDS`
+    )
+    held_demands: tuple[HeldDemand, ...]  # what was held for that
     # the paths with everything switched on, and the deviation along each
     runs: tuple[tuple[PathRun, FloatArray], ...]
 
@@ -45,49 +49,49 @@ class Budget:
 
 def measure_budget(plan: Plan) -> Budget:
     """Measure what a plan costs."""
-    fit = _model_fit(plan)
-    trial = CompensatorTrial(plan.builder, plan.sizes, plan.block, plan.still)
-    compiled = trial.compiled()
-    parts = (fit, *trial.parts(plan.largest))
-    known = [part for part in parts if part.name in {"model_fit", "sample_rate", "rate"}]
-    added = [compiled, *known]
+    fit = _model_fit_part(plan)
+    trial = CompensatorTrial(plan.builder, plan.sizes, plan.block, plan.static_block)
+    compiled = trial.measure_compiled()
+    parts = (fit, *trial.measure_parts(plan.reference_output))
+    other_parts = [part for part in parts if part.name in {"model_fit", "sample_rate", "rate"}]
+    summed_parts = [compiled, *other_parts]
     total = BudgetPart(
         "total",
         "total",
-        sum(part.worst or 0.0 for part in added),
-        float(np.sqrt(sum((part.rms or 0.0) ** 2 for part in added))),
+        sum(part.worst or 0.0 for part in summed_parts),
+        float(np.sqrt(sum((part.rms or 0.0) ** 2 for part in summed_parts))),
         "compiled, sample rate and model fit: worst ones added up, rms as a root of squares",
     )
     accuracy = plan.request.accuracy
-    allowed = None if accuracy is None else accuracy / 100.0 * plan.largest
-    held = tuple(hold(plan))
+    required = None if accuracy is None else accuracy / 100.0 * plan.reference_output
+    held = tuple(measure_drift(plan))
     return Budget(
-        largest=plan.largest,
+        reference_output=plan.reference_output,
         unit=plan.model.output.unit,
-        wanted=allowed,
+        required=required,
         parts=parts,
         compiled=compiled,
         total=total,
-        drift=_drift(held, plan.model),
-        held=held,
-        runs=tuple(trial.everything[1]),
+        drift=_drift_part(held, plan.model),
+        held_demands=held,
+        runs=tuple(trial.compiled_runs[1]),
     )
 
 
-def _drift(held: Sequence[Held], model: Model) -> BudgetPart:
-    off = np.array([case.drift for case in held])
-    worst = held[int(np.argmax(off))]
+def _drift_part(held: Sequence[HeldDemand], model: Model) -> BudgetPart:
+    drifts = np.array([case.drift for case in held])
+    worst = held[int(np.argmax(drifts))]
     return BudgetPart(
         "drift",
-        f"drift of a held {model.output.name.replace('_', ' ')} in {SECONDS:g} s",
+        f"drift of a held {model.output.name.replace('_', ' ')} in {HOLD_TIME_S:g} s",
         worst.drift,
-        rms(off),
+        rms(drifts),
         f"on top of that, at rest and under small movements; worst at {worst.demand:.3g} "
         f"{model.output.unit} while {worst.title}",
     )
 
 
-def _model_fit(plan: Plan) -> BudgetPart:
+def _model_fit_part(plan: Plan) -> BudgetPart:
     fit = plan.model.fit
     if fit is None:
         return BudgetPart("model_fit", "model fit", None, None, "the model file has no fit figures")
@@ -95,7 +99,7 @@ def _model_fit(plan: Plan) -> BudgetPart:
     return BudgetPart("model_fit", "model fit", fit.worst, fit.rms, note)
 
 
-REASON = {
+ADVICE = {
     "law": "a straight anhysteretic curve comes no nearer",
     "tables": "the tables of a block hold no more",
     "quantisation": "its words hold no more",
@@ -104,39 +108,39 @@ REASON = {
 """Why a part cannot be smaller, or what helps."""
 
 
-def keeps_allowance(plan: Plan, budget: Budget) -> bool:
+def is_within_allowance(plan: Plan, budget: Budget) -> bool:
     """Whether formats and tables cost no more than they may, on the paths of the budget."""
     tables = budget.part("tables")
     assert tables is not None
-    judged = budget.compiled if plan.request.kind == "full" else tables
-    return judged.worst is not None and judged.worst <= plan.allowance
+    evaluated = budget.compiled if plan.request.kind == "full" else tables
+    return evaluated.worst is not None and evaluated.worst <= plan.allowance
 
 
-def is_held(plan: Plan, budget: Budget) -> bool:
+def is_drift_allowed(plan: Plan, budget: Budget) -> bool:
     """Whether a held output drifts by no more than what is compiled may be off."""
-    return (budget.drift.worst or 0.0) <= _may_drift(plan, budget)
+    return (budget.drift.worst or 0.0) <= _max_drift(plan, budget)
 
 
-def _may_drift(plan: Plan, budget: Budget) -> float:
-    return plan.allowance if budget.wanted is None else budget.wanted
+def _max_drift(plan: Plan, budget: Budget) -> float:
+    return plan.allowance if budget.required is None else budget.required
 
 
-def why_drifting(plan: Plan, budget: Budget) -> str:
+def explain_drift(plan: Plan, budget: Budget) -> str:
     """Report how far a held output drifts, and what helps."""
     drift, part = percent(budget, budget.drift.worst or 0.0), budget.drift
     return (
         f"{part.title}: {drift:.2g} % of the largest output ({part.note.partition('; ')[2]}), more "
-        f"than {percent(budget, _may_drift(plan, budget)):.3g} %: {_against_drift(plan)}"
+        f"than {percent(budget, _max_drift(plan, budget)):.3g} %: {_advise_drift(plan)}"
     )
 
 
-def _against_drift(plan: Plan) -> str:
+def _advise_drift(plan: Plan) -> str:
     if plan.request.kind != "full":
         return "this law has no dead band that would hold it; compile with --kind full"
-    bands = plan.model.operator_law.with_role("dead band")
-    if not bands:
+    dead_bands = plan.model.operator_law.with_role("dead band")
+    if not dead_bands:
         return "the tables are too coarse for it; ask for a smaller --accuracy"
-    if not any(np.any(plan.model.parameters[spec.name]) for spec in bands):
+    if not any(np.any(plan.model.parameters[spec.name]) for spec in dead_bands):
         return (
             "the model has no dead band (r_d = 0); identify it again from its loops, or set r_d in "
             "the model file"
@@ -144,38 +148,38 @@ def _against_drift(plan: Plan) -> str:
     return "the dead band r_d of the model is too narrow for such movements; widen it"
 
 
-def drift_refusal(plan: Plan, budget: Budget) -> NegativeResult:
+def drift_error(plan: Plan, budget: Budget) -> NegativeResult:
     """Return the message where an output between ticks breaks the wanted accuracy."""
     return NegativeResult(
-        f"accuracy: {why_drifting(plan, budget)}; nothing was written",
+        f"accuracy: {explain_drift(plan, budget)}; nothing was written",
         code="model-drifts",
         key="accuracy",
     )
 
 
-def culprit(budget: Budget) -> BudgetPart:
+def largest_part(budget: Budget) -> BudgetPart:
     """Return the largest of the parts that compiling adds."""
-    added = [part for part in budget.parts if part.name in REASON]
-    return max(added, key=lambda part: part.worst or 0.0)
+    compiled_parts = [part for part in budget.parts if part.name in ADVICE]
+    return max(compiled_parts, key=lambda part: part.worst or 0.0)
 
 
-def is_reached(budget: Budget) -> bool:
+def is_accuracy_reached(budget: Budget) -> bool:
     """Whether what is compiled is as accurate as it was asked to be."""
-    return budget.wanted is None or (budget.compiled.worst or 0.0) <= budget.wanted
+    return budget.required is None or (budget.compiled.worst or 0.0) <= budget.required
 
 
-def refusal(budget: Budget, better: str) -> NegativeResult:
+def accuracy_error(budget: Budget, better_options: str) -> NegativeResult:
     """Return the message for an accuracy not kept: which part of the budget breaks it, what to change."""
-    assert budget.wanted is not None
-    reached, part = budget.compiled.worst or 0.0, culprit(budget)
-    advice = f"compile with {better}" if better else REASON[part.name]
-    easy = 10.0 ** np.floor(np.log10(percent(budget, reached)))
-    enough = np.ceil(percent(budget, reached) / easy * 10.0) / 10.0 * easy
+    assert budget.required is not None
+    reached, part = budget.compiled.worst or 0.0, largest_part(budget)
+    advice = f"compile with {better_options}" if better_options else ADVICE[part.name]
+    decade = 10.0 ** np.floor(np.log10(percent(budget, reached)))
+    reachable_percent = np.ceil(percent(budget, reached) / decade * 10.0) / 10.0 * decade
     return NegativeResult(
         f"accuracy: {percent(budget, reached):.3g} % of the largest output is reached, "
-        f"{percent(budget, budget.wanted):.3g} % was asked for; the largest part is "
+        f"{percent(budget, budget.required):.3g} % was asked for; the largest part is "
         f"{part.title}, {percent(budget, part.worst or 0.0):.3g} %: {advice}, or ask for "
-        f"{enough:.3g} %; nothing was written",
+        f"{reachable_percent:.3g} %; nothing was written",
         code="accuracy-not-reached",
         key="accuracy",
     )
@@ -183,10 +187,10 @@ def refusal(budget: Budget, better: str) -> NegativeResult:
 
 def percent(budget: Budget, value: float) -> float:
     """Return a deviation in per cent of the largest output."""
-    return 100.0 * value / budget.largest
+    return 100.0 * value / budget.reference_output
 
 
-def as_dict(budget: Budget) -> dict[str, Any]:
+def budget_dict(budget: Budget) -> dict[str, Any]:
     """Return a budget as written to ``budget.json``."""
 
     def row(part: BudgetPart) -> dict[str, Any]:
@@ -214,9 +218,9 @@ def as_dict(budget: Budget) -> dict[str, Any]:
     return {
         "format": 1,
         "unit": budget.unit,
-        "largest_output": budget.largest,
-        "wanted": budget.wanted,
-        "wanted_percent": None if budget.wanted is None else percent(budget, budget.wanted),
+        "largest_output": budget.reference_output,
+        "wanted": budget.required,
+        "wanted_percent": None if budget.required is None else percent(budget, budget.required),
         "parts": [row(part) for part in budget.parts],
         "compiled": row(budget.compiled),
         "total": row(budget.total),
@@ -229,7 +233,7 @@ def as_dict(budget: Budget) -> dict[str, Any]:
                 "drift": case.drift,
                 "drift_percent": percent(budget, case.drift),
             }
-            for case in budget.held
+            for case in budget.held_demands
         ],
         "paths": by_path,
     }

@@ -8,20 +8,20 @@ from functools import cached_property
 import numpy as np
 
 from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, TableSizes
-from anhyst.compensate.cells import cell_law
+from anhyst.compensate.cells import make_cell_law
 from anhyst.compensate.force_controller import Io
-from anhyst.compensate.full import full_law
+from anhyst.compensate.full import make_full_law
 from anhyst.compensate.packing import BlockFrame
-from anhyst.compensate.paths import Reach, find_reach
-from anhyst.compensate.simplified import ClosedForm, fit_closed_form, simplified_law
+from anhyst.compensate.paths import OutputRange, find_output_range
+from anhyst.compensate.simplified import ClosedForm, fit_closed_form, make_simplified_law
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import NumberFormat
 
-ROOM = 0.998
+MAX_SHIFTED_DEMAND_SHARE = 0.998
 """Of the full-scale output may the root of a demand reach, lowered by its offset."""
 
-FINE = TableSizes(
+FINE_SIZES = TableSizes(
     gap_segments=4,
     curve_segments=7,
     inverse_segments=6,
@@ -32,12 +32,12 @@ FINE = TableSizes(
 )
 """Everything finer than any axis needs while another one is looked at."""
 
-LAW_SEGMENTS = 4
+LAW_GAP_SEGMENTS = 4
 """The arms of the simplified law are fitted at 2^this + 1 gaps, and straight between them."""
 
 
 @dataclass(frozen=True)
-class Builder:
+class BlockBuilder:
     """Makes blocks of one model, kind and format that differ in their sizes alone."""
 
     model: Model
@@ -47,7 +47,9 @@ class Builder:
     limits: DemandLimits
     conditioning: Conditioning = field(default_factory=Conditioning)
     model_hash: int = 0
-    late: Model | None = None  # the model with its layers or its lag, where these are compiled
+    dynamic_model: Model | None = (
+        None  # the model with its layers or its lag, where these are compiled
+    )
 
     @property
     def block_kind(self) -> Kind:
@@ -56,17 +58,17 @@ class Builder:
         return "cells" if with_cells else self.kind
 
     @cached_property
-    def reach(self) -> Reach:
+    def output_range(self) -> OutputRange:
         """Outputs that the model can reach, found once."""
-        return find_reach(self.model, self.scales, self.limits)
+        return find_output_range(self.model, self.scales, self.limits)
 
     @cached_property
-    def law(self) -> ClosedForm:
+    def closed_form(self) -> ClosedForm:
         """The five numbers of the simplified law, fitted once."""
-        at = np.linspace(self.scales.gap_low, self.scales.gap_high, 2**LAW_SEGMENTS + 1)
-        at = at if self.model.needs_schedule else at[:1]
-        room = ROOM * self.scales.demand - self.limits.demand[1]
-        return fit_closed_form(self.model, self.limits, at, room=room)
+        gaps = np.linspace(self.scales.gap_low, self.scales.gap_high, 2**LAW_GAP_SEGMENTS + 1)
+        gaps = gaps if self.model.needs_schedule else gaps[:1]
+        offset_margin = MAX_SHIFTED_DEMAND_SHARE * self.scales.demand - self.limits.demand[1]
+        return fit_closed_form(self.model, self.limits, gaps, offset_margin=offset_margin)
 
     @property
     def number_format(self) -> NumberFormat:
@@ -75,28 +77,30 @@ class Builder:
 
     def __call__(self, sizes: TableSizes) -> Block:
         """Return the block with these sizes, of the iron at rest."""
-        return self.block(sizes, self.number_format, still=True)
+        return self.build(sizes, self.number_format, is_static=True)
 
-    def exact(self, sizes: TableSizes) -> Block:
+    def exact_block(self, sizes: TableSizes) -> Block:
         """Return the same tables in double precision, with as many iterations as can matter.
 
         Euler's form has no tables; the closed form stands in for it.
         """
-        return self.block(replace(sizes, iterations=FINE.iterations), "f64", still=True)
+        return self.build(replace(sizes, iterations=FINE_SIZES.iterations), "f64", is_static=True)
 
-    def whole(self, sizes: TableSizes, number_format: NumberFormat | None = None) -> Block:
+    def dynamic_block(self, sizes: TableSizes, number_format: NumberFormat | None = None) -> Block:
         """Return the block with these sizes, with its layers or its lag if there are some."""
-        return self.block(sizes, number_format or self.number_format, still=self.late is None)
+        return self.build(
+            sizes, number_format or self.number_format, is_static=self.dynamic_model is None
+        )
 
-    def block(self, sizes: TableSizes, number_format: NumberFormat, *, still: bool) -> Block:
+    def build(self, sizes: TableSizes, number_format: NumberFormat, *, is_static: bool) -> Block:
         """Return the block with these sizes in a number format; `still` leaves out what answers late."""
         kind = self.block_kind
         if kind == "euler" and number_format != "fixed":
             kind = "simplified"
         return build_block(
-            self.late or self.model, kind, self.scales, self.limits, sizes, self.conditioning,
-            model_hash=self.model_hash, number_format=number_format, still=still,
-            law=self.law if kind in {"simplified", "euler"} else None,
+            self.dynamic_model or self.model, kind, self.scales, self.limits, sizes, self.conditioning,
+            model_hash=self.model_hash, number_format=number_format, is_static=is_static,
+            closed_form=self.closed_form if kind in {"simplified", "euler"} else None,
         )  # fmt: skip
 
 
@@ -110,8 +114,8 @@ def build_block(
     *,
     model_hash: int = 0,
     number_format: NumberFormat = "fixed",
-    law: ClosedForm | None = None,
-    still: bool = False,
+    closed_form: ClosedForm | None = None,
+    is_static: bool = False,
 ) -> Block:
     """Make the parameter block of a kind; `still` leaves out what answers late.
 
@@ -120,10 +124,10 @@ def build_block(
     """
     frame = BlockFrame(model, scales, limits, sizes or TableSizes(), conditioning or Conditioning())
     if kind == "full":
-        tables = full_law(frame)
+        tables = make_full_law(frame)
     elif kind == "cells":
-        tables = cell_law(frame, still=still)
+        tables = make_cell_law(frame, is_static=is_static)
     else:
-        assert law is not None
-        tables = simplified_law(frame, law)
-    return frame.block(kind, tables, model_hash, number_format, still=still)
+        assert closed_form is not None
+        tables = make_simplified_law(frame, closed_form)
+    return frame.make_block(kind, tables, model_hash, number_format, is_static=is_static)

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from anhyst.laws.cells import CellWeights
 
 
-def iron_of(model: Model) -> Mapping[str, float]:
+def iron_parameters(model: Model) -> Mapping[str, float]:
     """Return the parameters of the iron, the same at every gap of what can be compiled."""
     return model.parameters_at(model.first_node)
 
 
-def saturation(model: Model) -> float:
+def saturation_magnetisation(model: Model) -> float:
     """Return the largest magnetisation, A/m."""
-    iron, law = iron_of(model), model.operator_law
+    iron, law = iron_parameters(model), model.operator_law
     if law.cells is not None:
         return law.cells(iron).saturation
     return sum(iron[spec.name] for spec in law.with_role("saturation"))
@@ -36,15 +36,15 @@ def cell_weights(model: Model) -> CellWeights:
     """Return the cells of a model whose law has some."""
     cells = model.operator_law.cells
     assert cells is not None
-    return cells(iron_of(model))
+    return cells(iron_parameters(model))
 
 
-WEIGHT = 65536.0
-LARGEST_WEIGHT = 32767 / WEIGHT
-MOST_FLUX_SHIFT = 6
+WEIGHT_UNIT = 65536.0
+MAX_WEIGHT = 32767 / WEIGHT_UNIT
+MAX_FLUX_SHIFT = 6
 
 
-def nodes(model: Model, scales: Scales, sizes: TableSizes) -> FloatArray:
+def gap_knots(model: Model, scales: Scales, sizes: TableSizes) -> FloatArray:
     """Places over the gap at which a table has its entries, SI."""
     if not model.needs_schedule:
         return np.full(2, scales.gap_low)
@@ -53,62 +53,65 @@ def nodes(model: Model, scales: Scales, sizes: TableSizes) -> FloatArray:
 
 def flux_unit(model: Model) -> float:
     """Flux density of saturated iron without the air around it, T: the unit of the inner flux."""
-    return MU_0 * saturation(model) * (1.0 - iron_of(model)["alpha"])
+    return MU_0 * saturation_magnetisation(model) * (1.0 - iron_parameters(model)["alpha"])
 
 
 def flux_shift(gain: FloatArray) -> int:
     """Return by how many bits gains of the flux are shifted to fit into their table."""
-    if not gain.max() <= LARGEST_WEIGHT * 2.0**MOST_FLUX_SHIFT:
+    if not gain.max() <= MAX_WEIGHT * 2.0**MAX_FLUX_SHIFT:
         raise InputError(
             "flux: the full-scale demand is far beyond saturation; narrow the output in the "
             "model's [valid], or correct its parameters",
             code="demand-beyond-saturation",
             key="flux",
         )
-    return max(0, int(np.ceil(np.log2(gain.max() / LARGEST_WEIGHT))))
+    return max(0, int(np.ceil(np.log2(gain.max() / MAX_WEIGHT))))
 
 
-def flux_gain(model: Model, scales: Scales, at: FloatArray) -> FloatArray:
+def flux_gain(model: Model, scales: Scales, gaps: FloatArray) -> FloatArray:
     """Return the flux of a full-scale output at each node, in units of :func:`flux_unit`."""
-    full = scales.demand / model.over_schedule("c_out", at)
-    return np.asarray((np.sqrt(full) if model.power == 2 else full) / flux_unit(model))
+    full_scale_flux_power = scales.demand / model.interpolate_parameter("c_out", gaps)
+    return np.asarray(
+        (np.sqrt(full_scale_flux_power) if model.power == 2 else full_scale_flux_power)
+        / flux_unit(model)
+    )
 
 
 @dataclass(frozen=True)
-class Arms:
+class CurrentCoefficients:
     """How a current is made up at places over the gap: ``bias + flux_arm*flux + field_arm*x``."""
 
     # flux, in parts of that of saturated iron, for an effective field ``x`` of 1 A/m without iron
-    air: float
+    air_flux: float
     # in units of the input; for a flux of 1, and for an effective field of 1 A/m; shape (n,)
     bias: FloatArray
-    flux_arm: FloatArray
-    field_arm: FloatArray
+    flux: FloatArray
+    field: FloatArray
 
 
-def arms_of(model: Model, at: FloatArray) -> Arms:
+def current_coefficients(model: Model, gaps: FloatArray) -> CurrentCoefficients:
     """Bring the circuit of a model into the form of a compensator, at places over the gap.
 
     ``c_H*(I - in_0) = x/(1-alpha) + (rho - alpha/(1-alpha))*B/mu0`` with
     ``B/mu0 = (1-alpha)*M_s*flux``; a rewriting of section 2 of the theory.
     """
-    alpha = iron_of(model)["alpha"]
-    turns, rho = (model.over_schedule(name, at) for name in ("c_H", "rho"))
+    alpha = iron_parameters(model)["alpha"]
+    turns, rho = (model.interpolate_parameter(name, gaps) for name in ("c_H", "rho"))
     saturated = flux_unit(model) / MU_0
-    return Arms(
-        air=1.0 / saturated,
-        bias=model.over_schedule("in_0", at),
-        flux_arm=np.asarray(saturated * (rho - alpha / (1.0 - alpha)) / turns),
-        field_arm=np.asarray(1.0 / ((1.0 - alpha) * turns)),
+    return CurrentCoefficients(
+        air_flux=1.0 / saturated,
+        bias=model.interpolate_parameter("in_0", gaps),
+        flux=np.asarray(saturated * (rho - alpha / (1.0 - alpha)) / turns),
+        field=np.asarray(1.0 / ((1.0 - alpha) * turns)),
     )
 
 
-def lag_arm(model: Model, at: FloatArray, rate: float) -> FloatArray | None:
+def lag_coefficient(model: Model, gaps: FloatArray, rate: float) -> FloatArray | None:
     """Return the current for a flux that rises by 1 in a tick, one value a node; None without a lag.
 
     ``c_H*(I - in_0) = H + rho*B/mu0 + gamma*dB/dt``, the derivative as a backward difference.
     """
     if model.layers is not None or not model.has_eddy_currents:
         return None
-    gamma, turns = (model.over_schedule(name, at) for name in ("gamma", "c_H"))
+    gamma, turns = (model.interpolate_parameter(name, gaps) for name in ("gamma", "c_H"))
     return np.asarray(gamma * rate * flux_unit(model) / turns)

@@ -21,29 +21,29 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import minimize_scalar
 
 from anhyst import _core
-from anhyst.compensate.force_controller import REAL, Compensator, Native
+from anhyst.compensate.force_controller import REAL_CONTROLLERS, Compensator, Native
 from anhyst.compensate.packing import as_word
-from anhyst.compensate.plan import full_scale
+from anhyst.compensate.plan import round_full_scale
 from anhyst.compensate.play_block import Words, pack_play
-from anhyst.compensate.sources import Operating, Sources
+from anhyst.compensate.sources import OperatingRange, Sources
 from anhyst.data import Loop, Loops
 from anhyst.data.surface import (
-    SPAN,
+    SMOOTHING_LEVELS,
     Surface,
     Tangent,
-    envelope,
+    current_envelope,
     fit_line,
     fit_plane,
     fit_surface,
-    midway,
+    mid_current,
 )
-from anhyst.data.verdict import monotone_fit
+from anhyst.data.verdict import fit_monotone
 from anhyst.model.actuator import Model
 from anhyst.model.predict import slow_times
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import NumberFormat
-from anhyst.support.numeric import FloatArray, as_factor, q31
+from anhyst.support.numeric import FloatArray, to_factor, to_q31
 
 
 @dataclass(frozen=True)
@@ -56,32 +56,32 @@ class CurrentMap:
     scales: Scales  # full scales; no entry is beyond that of the current
     limits: tuple[float, float]  # of the current, A
     # constants that the table is made of
-    numbers: Mapping[str, float] = field(default_factory=dict)
+    constants: Mapping[str, float] = field(default_factory=dict)
     force_low: float = 0.0  # N; below zero only in floating point
     flux_full_scale = 1.0
 
     def native(self, number_format: NumberFormat) -> Native:
         """Return the core's own."""
         if number_format == "fixed":
-            return _core.FixedForceController.map(self.words(), *self.codes())
-        return REAL[number_format].map(self.entries, *self.real())
+            return _core.FixedForceController.map(self.entry_words(), *self.limit_codes())
+        return REAL_CONTROLLERS[number_format].map(self.entries, *self.real_arguments())
 
     @property
-    def ends(self) -> tuple[float, float, float, float]:
+    def table_range(self) -> tuple[float, float, float, float]:
         """Least and largest force and gap of the table, N and m."""
         return self.force_low, self.scales.demand, self.scales.gap_low, self.scales.gap_high
 
-    def real(self) -> tuple[float, ...]:
+    def real_arguments(self) -> tuple[float, ...]:
         """Return ends and limits as floating point takes them."""
-        return *self.ends, *self.limits
+        return *self.table_range, *self.limits
 
-    def words(self) -> NDArray[np.int16]:
+    def entry_words(self) -> NDArray[np.int16]:
         """Entries as fixed point takes them."""
         return table_words(self.entries, self.scales.current, "current")
 
-    def codes(self) -> tuple[int, int]:
+    def limit_codes(self) -> tuple[int, int]:
         """Limits as fixed point takes them."""
-        low, high = (q31(end / self.scales.current) for end in self.limits)
+        low, high = (to_q31(end / self.scales.current) for end in self.limits)
         return low, high
 
 
@@ -91,108 +91,116 @@ def table_words(values: FloatArray, unit: float, name: str) -> NDArray[np.int16]
     return np.array(words, dtype=np.int16)
 
 
-def single_valued_map(sources: Sources, _: NumberFormat) -> CurrentMap:
+def fit_single_valued_map(sources: Sources, _: NumberFormat) -> CurrentMap:
     """Take the best current without memory as it is."""
-    return current_map(sources.surface().current, sources.operating, {})
+    return make_current_map(sources.surface().current, sources.operating, {})
 
 
-def current_map(
+def make_current_map(
     entries: FloatArray,
-    operating: Operating,
-    numbers: Mapping[str, float],
-    half: FloatArray | float = 0.0,
+    operating: OperatingRange,
+    constants: Mapping[str, float],
+    half_width: FloatArray | float = 0.0,
 ) -> CurrentMap:
     """Make a map with full scales that hold every entry and half a width around it."""
-    current = max(operating.current_max, float((np.abs(entries) + half).max()))
-    scales = Scales(full_scale(operating.force_max), full_scale(current), *operating.gap_range)
-    low = -operating.both_ways * scales.demand
-    return CurrentMap(np.ascontiguousarray(entries), scales, operating.currents, numbers, low)
+    current = max(operating.current_max, float((np.abs(entries) + half_width).max()))
+    scales = Scales(
+        round_full_scale(operating.force_max), round_full_scale(current), *operating.gap_range
+    )
+    force_low = -operating.is_bipolar * scales.demand
+    return CurrentMap(
+        np.ascontiguousarray(entries), scales, operating.currents, constants, force_low
+    )
 
 
-def ratio_map(sources: Sources, _: NumberFormat) -> CurrentMap:
+def fit_ratio_map(sources: Sources, _: NumberFormat) -> CurrentMap:
     """Fit a constant force-current ratio around the operating point."""
-    return _plane(sources, fit_line)
+    return _fit_tangent_map(sources, fit_line)
 
 
-def linearised_map(sources: Sources, _: NumberFormat) -> CurrentMap:
+def fit_linearised_map(sources: Sources, _: NumberFormat) -> CurrentMap:
     """Fit the two constants of a magnet around the operating point."""
-    return _plane(sources, fit_plane, "k_s_N_per_m")
+    return _fit_tangent_map(sources, fit_plane, "k_s_N_per_m")
 
 
-def secant_map(sources: Sources, _: NumberFormat) -> CurrentMap:
+def fit_secant_map(sources: Sources, _: NumberFormat) -> CurrentMap:
     """Take force over current at the operating point, through the origin."""
-    return _plane(sources, _secant)
+    return _fit_tangent_map(sources, _fit_secant)
 
 
-def _secant(surface: Surface, force: float, gap: float, _: float) -> Tangent:
-    at = force or float(surface.force[-1])
-    per_force = float(surface.at(np.array([at]), gap)[0]) / at
+def _fit_secant(surface: Surface, force: float, gap: float, _: float) -> Tangent:
+    secant_force = force or float(surface.force[-1])
+    per_force = float(surface.current_at(np.array([secant_force]), gap)[0]) / secant_force
     return Tangent(force * per_force, per_force, 0.0)
 
 
-def _plane(
+def _fit_tangent_map(
     sources: Sources,
     fit: Callable[[Surface, float, float, float], Tangent],
-    stiffness: str | None = None,
+    stiffness_name: str | None = None,
 ) -> CurrentMap:
     """Return the table of a tangent, and the constants it is made of."""
     surface, operating = sources.surface(), sources.operating
     tangent = fit(surface, operating.force, operating.gap, operating.force_max)
     force = surface.force[[0, -1]] - operating.force
     gap = np.array(operating.gap_range) - operating.gap
-    entries = tangent.current + tangent.per_force * force + tangent.per_gap * gap[:, None]
+    entries = (
+        tangent.current + tangent.current_per_force * force + tangent.current_per_gap * gap[:, None]
+    )
     numbers = {"k_i_N_per_A": tangent.k_i}
-    if stiffness is not None:
-        numbers[stiffness] = tangent.k_s
+    if stiffness_name is not None:
+        numbers[stiffness_name] = tangent.k_s
     numbers["current_A"] = tangent.current
-    return current_map(entries, operating, numbers)
+    return make_current_map(entries, operating, numbers)
 
 
-_COLUMNS = 9
+_RATIO_MAP_COLUMNS = 9
 """Of the table: straight, but for where the current would be beyond its full scale."""
 
-_SAMPLES = 200
+_RAMP_SAMPLES = 200
 """Of a ramp of the current, up or down."""
 
-_LARGEST = 1.0 - 2.0**-15
+_MAX_ENTRY_SHARE = 1.0 - 2.0**-15
 """Of the full scale: the largest entry in 16 bits."""
 
 
-def plain_map(model: Model, scales: Scales) -> CurrentMap:
+def fit_uncompensated_map(model: Model, scales: Scales) -> CurrentMap:
     """Return a constant force-current ratio, fitted to the settled loops of a model.
 
     The method ``ratio`` around half of the largest force at the middle gap, with loops of the model
     in place of measured ones.
     """
-    high, force_max = model.valid_range.input[1], model.valid_range.output[1]
-    ends = scales.gap_low, scales.gap_high
-    middle = 0.5 * (ends[0] + ends[1])
-    loops = [_loop(model, high, gap) for gap in (ends[0], middle, ends[1])]
-    known = Loops(tuple(loops), model.input, model.output, model.schedule)
-    surface = fit_surface(known, (0.0, scales.demand), ends)
-    line = fit_line(surface, 0.5 * force_max, middle, force_max)
-    force = np.linspace(0.0, scales.demand, _COLUMNS)
-    row = line.current + line.per_force * (force - 0.5 * force_max)
-    most = _LARGEST * scales.current
-    entries = np.clip(np.tile(row, (2, 1)), -most, most)
-    return CurrentMap(entries, scales, (0.0, high), {"k_i_N_per_A": line.k_i})
+    current_max, force_max = model.valid_range.input[1], model.valid_range.output[1]
+    gap_range = scales.gap_low, scales.gap_high
+    middle_gap = 0.5 * (gap_range[0] + gap_range[1])
+    loops = [
+        _simulate_loop(model, current_max, gap) for gap in (gap_range[0], middle_gap, gap_range[1])
+    ]
+    model_loops = Loops(tuple(loops), model.input, model.output, model.schedule)
+    surface = fit_surface(model_loops, (0.0, scales.demand), gap_range)
+    line = fit_line(surface, 0.5 * force_max, middle_gap, force_max)
+    force = np.linspace(0.0, scales.demand, _RATIO_MAP_COLUMNS)
+    row = line.current + line.current_per_force * (force - 0.5 * force_max)
+    max_entry = _MAX_ENTRY_SHARE * scales.current
+    entries = np.clip(np.tile(row, (2, 1)), -max_entry, max_entry)
+    return CurrentMap(entries, scales, (0.0, current_max), {"k_i_N_per_A": line.k_i})
 
 
-def _loop(model: Model, high: float, gap: float) -> Loop:
+def _simulate_loop(model: Model, current_max: float, gap: float) -> Loop:
     """Return the settled loop up to a current and back at a gap."""
-    ramp = np.linspace(0.0, high, _SAMPLES)
+    ramp = np.linspace(0.0, current_max, _RAMP_SAMPLES)
     drive = np.concatenate((ramp, ramp[-2::-1]))
     force = model.predict(drive, gap, slow_times(drive.size), "settled").output
     return Loop(f"{gap:g}", drive, force, np.full(drive.size, gap))
 
 
-RADII = (0.003, 1.0)
+RADIUS_RANGE = (0.003, 1.0)
 """Within which a radius is looked for, of the largest current."""
 
-TRIED = 20
+RADIUS_GRID_POINTS = 20
 """Radii on a grid, before the best one is refined."""
 
-_LARGEST_WORD = 2.0**15 - 1.0
+_MAX_WORD = 2.0**15 - 1.0
 """Word of the largest current."""
 
 
@@ -203,7 +211,7 @@ class PlayMap:
     map: CurrentMap  # without memory
     # half the width of the loop on the same steps, A; along the force it changes by no more than
     # the map; shape (g, f)
-    half: FloatArray
+    half_width: FloatArray
     radius: float  # half-width of the play, A
     flux_full_scale = 1.0
 
@@ -213,22 +221,22 @@ class PlayMap:
         return self.map.scales
 
     @property
-    def numbers(self) -> Mapping[str, float]:
+    def constants(self) -> Mapping[str, float]:
         """Radius and largest half-width."""
-        return {"radius_A": self.radius, "half_width_A": float(self.half.max())}
+        return {"radius_A": self.radius, "half_width_A": float(self.half_width.max())}
 
     def native(self, number_format: NumberFormat) -> Native:
         """Return the core's own."""
         words: NDArray[Any] = self.block(number_format)
         if number_format == "fixed":
             return _core.FixedForceController.play(words)
-        return REAL[number_format].play(words)
+        return REAL_CONTROLLERS[number_format].play(words)
 
     def block(self, number_format: NumberFormat, model_hash: int = 0) -> Words:
         """Return the parameter block; `model_hash` has 32 bits."""
         table, fixed = self.map, number_format == "fixed"
-        quarter = 0.25 * self.scales.current / self.radius
-        mantissa, shift = as_factor("steepness of the play", quarter)
+        quarter_steepness = 0.25 * self.scales.current / self.radius
+        mantissa, shift = to_factor("steepness of the play", quarter_steepness)
         low, high = table.limits
         if fixed:
             low, high = (
@@ -238,8 +246,8 @@ class PlayMap:
             "PLAY_DEMAND_LOW": table.force_low,
             "PLAY_CURRENT_LOW": low,
             "PLAY_CURRENT_HIGH": high,
-            "PLAY_FORCE_SEGMENTS": (self.half.shape[1] - 2).bit_length(),
-            "PLAY_GAP_SEGMENTS": (self.half.shape[0] - 2).bit_length(),
+            "PLAY_FORCE_SEGMENTS": (self.half_width.shape[1] - 2).bit_length(),
+            "PLAY_GAP_SEGMENTS": (self.half_width.shape[0] - 2).bit_length(),
             "PLAY_STEEPNESS": mantissa if fixed else 0.25 / self.radius,
             "PLAY_SHIFT": shift if fixed else 0,
             "SCALE_DEMAND": self.scales.demand,
@@ -248,41 +256,43 @@ class PlayMap:
             "SCALE_GAP_HIGH": self.scales.gap_high,
         }
         tables = {
-            "PLAY_CURRENT": table.words() if fixed else table.entries,
-            "PLAY_HALF": self.half_words() if fixed else self.half,
+            "PLAY_CURRENT": table.entry_words() if fixed else table.entries,
+            "PLAY_HALF": self.half_width_words() if fixed else self.half_width,
         }
         return pack_play(number_format, words, tables, model_hash)
 
-    def widened(self, part: float) -> PlayMap:
+    def widened(self, fraction: float) -> PlayMap:
         """Return the same with a loop that is wider by a part."""
         rise = (1.0 - 1e-6) * np.diff(self.map.entries)
-        half = no_steeper((1.0 + part) * self.half, rise)
-        return replace(self, half=half, radius=(1.0 + part) * self.radius)
+        half_width = limit_slope((1.0 + fraction) * self.half_width, rise)
+        return replace(self, half_width=half_width, radius=(1.0 + fraction) * self.radius)
 
-    def half_words(self) -> NDArray[np.int16]:
+    def half_width_words(self) -> NDArray[np.int16]:
         """Return half-widths in fixed point, limited by the words of the map."""
-        around = self.map.words().astype(np.float64)
-        half = table_words(self.half, self.scales.current, "half-width")
-        least = np.minimum(half, _LARGEST_WORD - np.abs(around))
-        return no_steeper(least, np.diff(around)).astype(np.int16)
+        entries = self.map.entry_words().astype(np.float64)
+        half = table_words(self.half_width, self.scales.current, "half-width")
+        limited = np.minimum(half, _MAX_WORD - np.abs(entries))
+        return limit_slope(limited, np.diff(entries)).astype(np.int16)
 
 
-def one_play(sources: Sources, _: NumberFormat) -> PlayMap:
+def fit_play_map(sources: Sources, _: NumberFormat) -> PlayMap:
     """Fit map, half-widths and radius to the measured loops."""
     surface, operating, loops = sources.surface(), sources.operating, sources.loops
     assert loops is not None  # the surface is made of them
     gaps = list(loops.by_schedule())
     forces = float(surface.force[0]), float(surface.force[-1])
-    radius = best_radius(fit_surface(loops, forces, (min(gaps), max(gaps))), loops, operating)
-    return _play(surface, half_widths(surface, loops), operating, radius)
+    radius = fit_radius(fit_surface(loops, forces, (min(gaps), max(gaps))), loops, operating)
+    return _make_play_map(surface, measure_half_widths(surface, loops), operating, radius)
 
 
-def _play(surface: Surface, half: FloatArray, operating: Operating, radius: float) -> PlayMap:
+def _make_play_map(
+    surface: Surface, half_width: FloatArray, operating: OperatingRange, radius: float
+) -> PlayMap:
     entries = np.ascontiguousarray(surface.current)
-    return PlayMap(current_map(entries, operating, {}, half), half, radius)
+    return PlayMap(make_current_map(entries, operating, {}, half_width), half_width, radius)
 
 
-def half_widths(surface: Surface, loops: Loops) -> FloatArray:
+def measure_half_widths(surface: Surface, loops: Loops) -> FloatArray:
     """Return half the width of the loops on the steps of a surface.
 
     At a force it is half of what lies between the least and the largest current of a gap's loops,
@@ -291,65 +301,71 @@ def half_widths(surface: Surface, loops: Loops) -> FloatArray:
     """
     from scipy.signal import savgol_filter  # slow to load, and used for maps alone
 
-    nodes, rows = [], []
+    knots, rows = [], []
     for gap, members in loops.by_schedule().items():
-        low, high = envelope(members, surface.force)
+        low, high = current_envelope(members, surface.force)
         half = 0.5 * (high - low)
-        known = np.isfinite(half)
-        filled = np.interp(surface.force, surface.force[known], half[known])
-        nodes.append(gap)
-        rows.append(savgol_filter(filled, SPAN, 2))
-    gaps = np.clip(surface.gap, nodes[0], nodes[-1])
-    half = np.maximum(PchipInterpolator(nodes, np.array(rows), axis=0)(gaps), 0.0)
-    return no_steeper(half, (1.0 - 1e-6) * np.diff(surface.current))
+        is_known = np.isfinite(half)
+        filled = np.interp(surface.force, surface.force[is_known], half[is_known])
+        knots.append(gap)
+        rows.append(savgol_filter(filled, SMOOTHING_LEVELS, 2))
+    gaps = np.clip(surface.gap, knots[0], knots[-1])
+    half = np.maximum(PchipInterpolator(knots, np.array(rows), axis=0)(gaps), 0.0)
+    return limit_slope(half, (1.0 - 1e-6) * np.diff(surface.current))
 
 
-def no_steeper(half: FloatArray, rise: FloatArray) -> FloatArray:
+def limit_slope(half_width: FloatArray, max_step: FloatArray) -> FloatArray:
     """Return the largest rows below these that change by no more than a rise from step to step."""
-    half = np.array(half, dtype=np.float64)
-    for column in range(1, half.shape[1]):
-        half[:, column] = np.minimum(half[:, column], half[:, column - 1] + rise[:, column - 1])
-    for column in range(half.shape[1] - 2, -1, -1):
-        half[:, column] = np.minimum(half[:, column], half[:, column + 1] + rise[:, column])
-    return half
+    half_width = np.array(half_width, dtype=np.float64)
+    for column in range(1, half_width.shape[1]):
+        half_width[:, column] = np.minimum(
+            half_width[:, column], half_width[:, column - 1] + max_step[:, column - 1]
+        )
+    for column in range(half_width.shape[1] - 2, -1, -1):
+        half_width[:, column] = np.minimum(
+            half_width[:, column], half_width[:, column + 1] + max_step[:, column]
+        )
+    return half_width
 
 
-def best_radius(surface: Surface, loops: Loops, operating: Operating) -> float:
+def fit_radius(surface: Surface, loops: Loops, operating: OperatingRange) -> float:
     """Return the radius with which a map expects the forces of all records best.
 
     Every record counts, minor cycles as the others; where there are none, hardly anything sets the
     radius.
     """
-    half = half_widths(surface, loops)
-    wide = replace(operating, gap_range=(float(surface.gap[0]), float(surface.gap[-1])))
+    half_width = measure_half_widths(surface, loops)
+    full_gap_range = replace(operating, gap_range=(float(surface.gap[0]), float(surface.gap[-1])))
     measured = np.concatenate([loop.output for loop in loops.loops])
-    counts = measured <= operating.force_max
+    is_within_range = measured <= operating.force_max
 
-    def error(log_radius: float) -> float:
-        play = _play(surface, half, wide, float(np.exp(log_radius)))
-        expected = np.concatenate([expected_forces(play, loop) for loop in loops.loops])
-        return float(np.mean((expected - measured)[counts] ** 2))
+    def mean_squared_error(log_radius: float) -> float:
+        play = _make_play_map(surface, half_width, full_gap_range, float(np.exp(log_radius)))
+        predicted = np.concatenate([predict_forces(play, loop) for loop in loops.loops])
+        return float(np.mean((predicted - measured)[is_within_range] ** 2))
 
-    grid = np.log(np.geomspace(*RADII, TRIED) * operating.current_max)
-    best = int(np.argmin([error(at) for at in grid.tolist()]))
-    ends = grid[max(best - 1, 0)], grid[min(best + 1, TRIED - 1)]
-    end = minimize_scalar(error, bounds=ends, method="bounded", options={"xatol": 0.01})
-    return float(np.exp(end.x))
+    grid = np.log(np.geomspace(*RADIUS_RANGE, RADIUS_GRID_POINTS) * operating.current_max)
+    best = int(np.argmin([mean_squared_error(at) for at in grid.tolist()]))
+    bracket = grid[max(best - 1, 0)], grid[min(best + 1, RADIUS_GRID_POINTS - 1)]
+    minimum = minimize_scalar(
+        mean_squared_error, bounds=bracket, method="bounded", options={"xatol": 0.01}
+    )
+    return float(np.exp(minimum.x))
 
 
-def expected_forces(play: PlayMap, loop: Loop) -> FloatArray:
+def predict_forces(play: PlayMap, loop: Loop) -> FloatArray:
     """Return the forces that a map expects of the measured currents of a record."""
     native, history = play.native("f64"), loop.history
     assert loop.schedule is not None
     gaps = loop.schedule.tolist()
-    before = zip(history.turning_points, history.places(gaps[0]), strict=True)
+    history_points = zip(history.turning_points, history.schedule_at_points(gaps[0]), strict=True)
     record = list(zip(loop.input.tolist(), gaps, strict=True))
-    for current, gap in (*before, *(record if history.kind == "settled" else ())):
+    for current, gap in (*history_points, *(record if history.kind == "settled" else ())):
         native.commit(current, gap)
     return np.array([native.commit(current, gap) for current, gap in record])
 
 
-LEVELS = 200
+FORCE_LEVEL_COUNT = 200
 """Levels of force at which a single-valued curve has its points."""
 
 
@@ -360,7 +376,7 @@ class Memoryless(Compensator):
         """Return the current that gives `demand`."""
         return float(self.run(demand, gap)[0])
 
-    def fresh(self) -> Self:
+    def reset_copy(self) -> Self:
         """Return the same: there is nothing to be remembered."""
         return self
 
@@ -369,52 +385,52 @@ class Memoryless(Compensator):
 class ConstantRatio(Memoryless):
     """Current in proportion to force: the paper's uncompensated case."""
 
-    nodes: FloatArray  # gaps, m; shape (g,)
+    gaps: FloatArray  # gaps, m; shape (g,)
     ratio: FloatArray  # N/A; a single one for a ratio that does not know the gap; shape (g,)
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
         """Return the currents for forces, A, shape (n,)."""
-        return np.atleast_1d(np.asarray(demand) / self._at(gap))
+        return np.atleast_1d(np.asarray(demand) / self._ratio_at(gap))
 
     def commit(self, applied: float, gap: float | None = None) -> float:
         """Return the force to expect, N."""
-        return float(applied * self._at(gap))
+        return float(applied * self._ratio_at(gap))
 
-    def _at(self, gap: ArrayLike | None) -> FloatArray:
-        if self.nodes.size == 1:
+    def _ratio_at(self, gap: ArrayLike | None) -> FloatArray:
+        if self.gaps.size == 1:
             return np.asarray(self.ratio[0])
-        at = self.nodes[0] if gap is None else gap
-        return np.asarray(PchipInterpolator(self.nodes, self.ratio)(at))
+        used_gap = self.gaps[0] if gap is None else gap
+        return np.asarray(PchipInterpolator(self.gaps, self.ratio)(used_gap))
 
 
 @dataclass(frozen=True)
 class SingleValued(Memoryless):
     """The best curve without memory at every gap."""
 
-    nodes: FloatArray  # gaps, m; shape (g,)
-    force: FloatArray  # levels from zero on in equal steps, N; shape (l,)
-    table: FloatArray  # current, A; never falls along the force; shape (g, l)
+    gaps: FloatArray  # gaps, m; shape (g,)
+    force_levels: FloatArray  # levels from zero on in equal steps, N; shape (l,)
+    currents: FloatArray  # current, A; never falls along the force; shape (g, l)
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
         """Return the currents for forces, A, shape (n,)."""
         force = np.atleast_1d(np.asarray(demand, dtype=np.float64))
-        level = np.clip(force / self.force[1], 0.0, self.force.size - 1.0)
-        below = np.minimum(level.astype(np.intp), self.force.size - 2)
-        share, sample = level - below, np.arange(force.size)
-        table = self._over_gap(gap, force.size)
-        return np.asarray((1.0 - share) * table[sample, below] + share * table[sample, below + 1])
+        level = np.clip(force / self.force_levels[1], 0.0, self.force_levels.size - 1.0)
+        lower = np.minimum(level.astype(np.intp), self.force_levels.size - 2)
+        share, sample = level - lower, np.arange(force.size)
+        table = self._currents_at(gap, force.size)
+        return np.asarray((1.0 - share) * table[sample, lower] + share * table[sample, lower + 1])
 
     def commit(self, applied: float, gap: float | None = None) -> float:
         """Return the force to expect, N."""
-        return float(np.interp(applied, self._over_gap(gap, 1)[0], self.force))
+        return float(np.interp(applied, self._currents_at(gap, 1)[0], self.force_levels))
 
-    def _over_gap(self, gap: ArrayLike | None, size: int) -> FloatArray:
+    def _currents_at(self, gap: ArrayLike | None, size: int) -> FloatArray:
         """Currents of all levels at every gap, shape (size, l)."""
-        if self.nodes.size == 1:
-            return np.broadcast_to(self.table[0], (size, self.force.size))
-        at = self.nodes[0] if gap is None else gap
-        within = np.clip(np.broadcast_to(at, size), self.nodes[0], self.nodes[-1])
-        return np.asarray(PchipInterpolator(self.nodes, self.table, axis=0)(within))
+        if self.gaps.size == 1:
+            return np.broadcast_to(self.currents[0], (size, self.force_levels.size))
+        used_gap = self.gaps[0] if gap is None else gap
+        clipped = np.clip(np.broadcast_to(used_gap, size), self.gaps[0], self.gaps[-1])
+        return np.asarray(PchipInterpolator(self.gaps, self.currents, axis=0)(clipped))
 
 
 def fit_ratio(loops: Loops, force_max: float) -> ConstantRatio:
@@ -424,8 +440,10 @@ def fit_ratio(loops: Loops, force_max: float) -> ConstantRatio:
     for members in groups.values():
         current = np.concatenate([loop.input for loop in members])
         force = np.concatenate([loop.output for loop in members])
-        used = force <= force_max
-        ratios.append(float(force[used] @ current[used] / (current[used] @ current[used])))
+        is_used = force <= force_max
+        ratios.append(
+            float(force[is_used] @ current[is_used] / (current[is_used] @ current[is_used]))
+        )
     return ConstantRatio(np.array(list(groups), dtype=np.float64), np.array(ratios))
 
 
@@ -435,15 +453,15 @@ def fit_single_valued(loops: Loops, force_max: float) -> SingleValued:
     At every level of force the current lies midway between the least and the largest that the
     loops show there: no other curve has a smaller worst error.
     """
-    levels = np.linspace(0.0, force_max, LEVELS)
+    levels = np.linspace(0.0, force_max, FORCE_LEVEL_COUNT)
     groups = loops.by_schedule()
     table = []
     for gap, members in groups.items():
-        middle = midway(members, levels)
-        known = np.isfinite(middle)
-        if not known[-1]:
+        middle = mid_current(members, levels)
+        is_known = np.isfinite(middle)
+        if not is_known[-1]:
             text = f"loops: at gap {gap} m they do not reach {force_max:g} N; lower force_max_N"
             raise InputError(text, code="force-not-reached", key="loops")
-        filled = np.interp(levels, levels[known], middle[known])
-        table.append(monotone_fit(filled, np.ones(LEVELS)))
+        filled = np.interp(levels, levels[is_known], middle[is_known])
+        table.append(fit_monotone(filled, np.ones(FORCE_LEVEL_COUNT)))
     return SingleValued(np.array(list(groups), dtype=np.float64), levels, np.array(table))

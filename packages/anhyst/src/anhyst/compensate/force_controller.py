@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from anhyst import _core
 from anhyst._core import Compensator as CompensatorF64
 from anhyst._core import CompensatorF32, FixedCompensator
-from anhyst.compensate.block import Block, real_core_of
+from anhyst.compensate.block import Block, make_real_core
 from anhyst.support.block_words import Scales
 from anhyst.support.kinds import MethodName, NumberFormat
-from anhyst.support.numeric import FloatArray, q31
+from anhyst.support.numeric import FloatArray, to_q31
 
 
 class Compensator(ABC):
@@ -40,7 +40,7 @@ class Compensator(ABC):
         """Advance the state with the current that was applied."""
 
     @abstractmethod
-    def fresh(self) -> Self:
+    def reset_copy(self) -> Self:
         """Return another one with the same parameters, which remembers nothing.
 
         Two magnets need two compensators, and every run its own.
@@ -51,22 +51,24 @@ class Compensator(ABC):
         demands = np.array(demand, dtype=np.float64, ndmin=1)
         gaps = np.broadcast_to(np.asarray(gap), demands.shape).tolist()
         currents = []
-        for now, at in zip(demands.tolist(), gaps, strict=True):
-            current = self.solve(now, at)
-            self.commit(current, at)
+        for demand_now, gap_now in zip(demands.tolist(), gaps, strict=True):
+            current = self.solve(demand_now, gap_now)
+            self.commit(current, gap_now)
             currents.append(current)
         return np.array(currents)
 
 
 Native = _core.ForceController | _core.ForceControllerF32 | _core.FixedForceController
 
-REAL: Mapping[NumberFormat, type[_core.ForceController] | type[_core.ForceControllerF32]] = {
+REAL_CONTROLLERS: Mapping[
+    NumberFormat, type[_core.ForceController] | type[_core.ForceControllerF32]
+] = {
     "f64": _core.ForceController,
     "f32": _core.ForceControllerF32,
 }
 
 _Q31 = 2.0**31
-_NO_FLUX = -(2**31)
+_FLUX_NOT_MEASURED = -(2**31)
 
 
 class MethodParameters(Protocol):
@@ -81,7 +83,7 @@ class MethodParameters(Protocol):
         """Flux density that counts as 1.0 in fixed point, T; 1 where none is looked at."""
 
     @property
-    def numbers(self) -> Mapping[str, float]:
+    def constants(self) -> Mapping[str, float]:
         """Constants by their names with units, for reports."""
 
     def native(self, number_format: NumberFormat) -> Native:
@@ -109,7 +111,7 @@ class ForceController(Compensator):
         """Full-scale force and current, and the range of the gap."""
         return self.parameters.scales
 
-    def fresh(self) -> ForceController:
+    def reset_copy(self) -> ForceController:
         """Return the same with nothing remembered."""
         return replace(self)
 
@@ -120,21 +122,25 @@ class ForceController(Compensator):
     def solve(self, demand: float, gap: float | None = None, flux: float = math.nan) -> float:
         """Return the current for a force; the state is not touched."""
         native, scales = self.native, self.scales
-        at = scales.gap_low if gap is None else gap
+        used_gap = scales.gap_low if gap is None else gap
         if not isinstance(native, _core.FixedForceController):
-            return native.solve(demand, at, flux)
-        full = self.parameters.flux_full_scale
-        density = _NO_FLUX if math.isnan(flux) else q31(flux / full)
-        code = native.solve(q31(demand / scales.demand), q31(scales.gap_share(at)), density)
+            return native.solve(demand, used_gap, flux)
+        flux_full_scale = self.parameters.flux_full_scale
+        flux_code = _FLUX_NOT_MEASURED if math.isnan(flux) else to_q31(flux / flux_full_scale)
+        code = native.solve(
+            to_q31(demand / scales.demand), to_q31(scales.gap_fraction(used_gap)), flux_code
+        )
         return code / _Q31 * scales.current
 
     def commit(self, applied: float, gap: float | None = None) -> float:
         """Advance the state with the current that was applied, A; return the force to expect, N."""
         native, scales = self.native, self.scales
-        at = scales.gap_low if gap is None else gap
+        used_gap = scales.gap_low if gap is None else gap
         if not isinstance(native, _core.FixedForceController):
-            return native.commit(applied, at)
-        expected = native.commit(q31(applied / scales.current), q31(scales.gap_share(at)))
+            return native.commit(applied, used_gap)
+        expected = native.commit(
+            to_q31(applied / scales.current), to_q31(scales.gap_fraction(used_gap))
+        )
         return expected / _Q31 * scales.demand
 
     def follow(self, applied: FloatArray, gap: FloatArray) -> FloatArray:
@@ -142,8 +148,8 @@ class ForceController(Compensator):
         native, scales = self.native, self.scales
         if not isinstance(native, _core.FixedForceController):
             return native.follow(applied, gap)
-        parts = applied / scales.current, scales.gap_share(gap)
-        codes = [np.clip(np.rint(part * _Q31), -_Q31, _Q31 - 1.0) for part in parts]
+        shares = applied / scales.current, scales.gap_fraction(gap)
+        codes = [np.clip(np.rint(part * _Q31), -_Q31, _Q31 - 1.0) for part in shares]
         return np.asarray(native.follow(*codes) / _Q31 * scales.demand)
 
 
@@ -173,18 +179,18 @@ class Twin(Compensator):
         return self._core.memory
 
     @abstractmethod
-    def start_from(self, memory: ArrayLike) -> None:
+    def set_memory(self, memory: ArrayLike) -> None:
         """Set what the iron remembers."""
 
-    def condition(self, gap: float | None = None) -> FloatArray:
+    def run_start_up(self, gap: float | None = None) -> FloatArray:
         """Run the start-up sequence; return its currents."""
-        currents = self._start_up()
+        currents = self._start_up_currents()
         for current in currents.tolist():
             self.commit(current, gap)
         return currents
 
     @abstractmethod
-    def _start_up(self) -> FloatArray:
+    def _start_up_currents(self) -> FloatArray:
         """Currents of the start-up sequence."""
 
 
@@ -192,23 +198,23 @@ Step = Callable[[Any, Any], Any]
 """Solve or commit of the core: of a demand or a current, and of a gap."""
 
 
-def steps_of(core: FixedCompensator, io: str) -> tuple[Step, Step]:
+def select_steps(core: FixedCompensator, io: str) -> tuple[Step, Step]:
     """Return solve and commit of a compensator in fixed point, for signals of a format."""
     if io == "q15":
         return core.solve_q15, core.commit_q15
     return core.solve_q31, core.commit_q31
 
 
-def _with_losses(
-    solve: Step, commit: Step, inputs: Iterable[NDArray[Any]], ends: Sequence[float]
+def _run_with_losses(
+    solve: Step, commit: Step, inputs: Iterable[NDArray[Any]], limits: Sequence[float]
 ) -> FloatArray:
     """Return applied currents, from demands, gaps and what the amplifier adds within its limits."""
-    low, high = ends
+    low, high = limits
     currents = []
-    for demand, gap, lost in zip(*(row.tolist() for row in inputs), strict=True):
+    for demand, gap, loss in zip(*(row.tolist() for row in inputs), strict=True):
         current = solve(demand, gap)
-        if lost:
-            current = min(max(current + lost, low), high)
+        if loss:
+            current = min(max(current + loss, low), high)
         commit(current, gap)
         currents.append(current)
     return np.array(currents, dtype=np.float64)
@@ -223,17 +229,19 @@ class FixedTwin(Twin):
 
     def __init__(self, block: Block, io: str = "q31") -> None:
         self.block = block
-        self.one = 2.0**15 if io == "q15" else 2.0**31
+        self.code_of_one = 2.0**15 if io == "q15" else 2.0**31
         self.io = io
         self._core: FixedCompensator = FixedCompensator(block.kind, block.words)
 
-    def fresh(self) -> Self:
+    def reset_copy(self) -> Self:
         """Return another one of the same block, demagnetised."""
         return type(self)(self.block, self.io)
 
     def _codes(self, values: ArrayLike, low: float, scale: float) -> CodeArray:
         part = (np.atleast_1d(np.asarray(values, dtype=np.float64)) - low) / scale
-        return np.clip(np.rint(part * self.one), -self.one, self.one - 1.0).astype(np.int32)
+        return np.clip(
+            np.rint(part * self.code_of_one), -self.code_of_one, self.code_of_one - 1.0
+        ).astype(np.int32)
 
     def demand_codes(self, demand: ArrayLike) -> CodeArray:
         """Demand in units of the output -> what the controller is given."""
@@ -253,13 +261,13 @@ class FixedTwin(Twin):
 
     def solve(self, demand: float, gap: float | None = None) -> float:
         """Return the current that gives `demand` now; the state is not touched."""
-        solve, _ = steps_of(self._core, self.io)
+        solve, _ = select_steps(self._core, self.io)
         code: int = solve(int(self.demand_codes(demand)[0]), int(self.gap_codes(gap)[0]))
-        return code / self.one * self.block.scales.current
+        return code / self.code_of_one * self.block.scales.current
 
     def commit(self, applied: float, gap: float | None = None) -> float:
         """Advance the state with the current that was applied; return the expected output."""
-        _, commit = steps_of(self._core, self.io)
+        _, commit = select_steps(self._core, self.io)
         commit(int(self.current_codes(applied)[0]), int(self.gap_codes(gap)[0]))
         return self.output
 
@@ -267,9 +275,9 @@ class FixedTwin(Twin):
     def output(self) -> float:
         """Output that the compensator expects after the last commit."""
         code = self._core.output_q15() if self.io == "q15" else self._core.output_q31()
-        return code / self.one * self.block.scales.demand
+        return code / self.code_of_one * self.block.scales.demand
 
-    def start_from(self, memory: ArrayLike) -> None:
+    def set_memory(self, memory: ArrayLike) -> None:
         """Set what the iron remembers; three words where the last turn is not known."""
         self._core.set_memory(np.array(memory, dtype=np.int32))
 
@@ -277,19 +285,19 @@ class FixedTwin(Twin):
         """Solve and commit sample by sample, in C."""
         codes = self.demand_codes(demand)
         currents = self._core.run(codes, self.gap_codes(gap, codes.size), self.io == "q15")
-        return currents / self.one * self.block.scales.current
+        return currents / self.code_of_one * self.block.scales.current
 
     def run_with_losses(
         self, demand: FloatArray, gap: FloatArray | None, loss: FloatArray
     ) -> FloatArray:
         """Solve and commit where the amplifier gives another current; `loss` in parts of its range."""
-        ends = self.current_codes(self.block.limits.current).tolist()
-        losses = ((ends[1] - ends[0]) * loss).round().astype(int)
+        limits = self.current_codes(self.block.limits.current).tolist()
+        losses = ((limits[1] - limits[0]) * loss).round().astype(int)
         inputs = self.demand_codes(demand), self.gap_codes(gap, loss.size), losses
-        codes = _with_losses(*steps_of(self._core, self.io), inputs, ends)
-        return codes / self.one * self.block.scales.current
+        codes = _run_with_losses(*select_steps(self._core, self.io), inputs, limits)
+        return codes / self.code_of_one * self.block.scales.current
 
-    def _start_up(self) -> FloatArray:
+    def _start_up_currents(self) -> FloatArray:
         ticks = range(self._core.conditioning_length())
         codes = [self._core.conditioning_q15(tick) for tick in ticks]
         return np.array(codes) / 2.0**15 * self.block.scales.current
@@ -300,22 +308,22 @@ class RealTwin(Twin):
 
     def __init__(self, block: Block) -> None:
         self.block = block
-        self._core: CompensatorF32 | CompensatorF64 = real_core_of(block)
+        self._core: CompensatorF32 | CompensatorF64 = make_real_core(block)
 
-    def fresh(self) -> Self:
+    def reset_copy(self) -> Self:
         """Return another one of the same block, demagnetised."""
         return type(self)(self.block)
 
-    def _gap(self, gap: float | None) -> float:
+    def _gap_or_lowest(self, gap: float | None) -> float:
         return self.block.scales.gap_low if gap is None else gap
 
     def solve(self, demand: float, gap: float | None = None) -> float:
         """Return the current that gives `demand` now; the state is not touched."""
-        return self._core.solve(demand, self._gap(gap))
+        return self._core.solve(demand, self._gap_or_lowest(gap))
 
     def commit(self, applied: float, gap: float | None = None) -> float:
         """Advance the state with the current that was applied; return the expected output."""
-        self._core.commit(applied, self._gap(gap))
+        self._core.commit(applied, self._gap_or_lowest(gap))
         return self.output
 
     @property
@@ -323,7 +331,7 @@ class RealTwin(Twin):
         """Output that the compensator expects after the last commit."""
         return self._core.output()
 
-    def start_from(self, memory: ArrayLike) -> None:
+    def set_memory(self, memory: ArrayLike) -> None:
         """Set what the iron remembers: x, y, p, turn, level."""
         self._core.set_memory(np.array(memory, dtype=np.float64))
 
@@ -339,15 +347,15 @@ class RealTwin(Twin):
     ) -> FloatArray:
         """Solve and commit where the amplifier gives another current; `loss` in parts of its range."""
         low, high = self.block.limits.current
-        gaps = np.full(loss.size, self._gap(None)) if gap is None else gap
+        gaps = np.full(loss.size, self._gap_or_lowest(None)) if gap is None else gap
         inputs = demand, gaps, (high - low) * loss
-        return _with_losses(self._core.solve, self._core.commit, inputs, (low, high))
+        return _run_with_losses(self._core.solve, self._core.commit, inputs, (low, high))
 
-    def _start_up(self) -> FloatArray:
+    def _start_up_currents(self) -> FloatArray:
         ticks = range(self._core.conditioning_length())
         return np.array([self._core.conditioning(tick) for tick in ticks])
 
 
-def twin_of(block: Block, io: Io) -> FixedTwin | RealTwin:
+def make_twin(block: Block, io: Io) -> FixedTwin | RealTwin:
     """Start the compensator that belongs to a block, demagnetised."""
     return FixedTwin(block, io) if block.is_fixed else RealTwin(block)

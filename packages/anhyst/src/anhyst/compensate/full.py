@@ -11,20 +11,20 @@ from scipy.optimize import brentq
 
 from anhyst._core import langevin
 from anhyst.compensate.block import DemandLimits, TableSizes
-from anhyst.compensate.circuit import Arms, iron_of
+from anhyst.compensate.circuit import CurrentCoefficients, iron_parameters
 from anhyst.compensate.packing import BlockFrame, LawTables, Packer
 from anhyst.laws.jiles_atherton import ascending_branch
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-MARGIN = 1.02
+FIELD_MARGIN = 1.02
 """Tables reach a little further than any current within its limits drives the field."""
 
 
-DESCENTS = 100
+FIXED_POINT_STEPS = 100
 """Steps down to the largest field from above: each is a bound, wherever one stops."""
 
-FURTHEST = 95.0
+MAX_RELATIVE_FIELD = 95.0
 """Largest field over the shape field: the curve rises by a third of it, a slope of 32 at most."""
 
 MAX_Q8 = 32767 / 256
@@ -32,46 +32,60 @@ MAX_Q8 = 32767 / 256
 
 
 @dataclass(frozen=True)
-class Normal:
+class NormalisedLaw:
     """The law in units of its own, and how a current is made up there."""
 
     a: float  # shape field of the anhysteretic curve, A/m: the unit of fields
     kappa: float  # ``k/a``
     c: float  # reversible fraction
-    play: float  # ``r_d/a``
+    dead_band: float  # ``r_d/a``
     # ``h = a/((1-alpha)*M_s)``: flux (over that of saturated iron) for a field ``x = 1``
-    air: float
+    air_flux: float
     # current at each place over the gap, A: ``bias + flux_arm*flux + field_arm*x``; shape (n,)
     bias: FloatArray
-    flux_arm: FloatArray
-    field_arm: FloatArray
+    flux_coefficient: FloatArray
+    field_coefficient: FloatArray
 
 
-def normal(iron: Mapping[str, float], arms: Arms) -> Normal:
+def normalise_law(iron: Mapping[str, float], coefficients: CurrentCoefficients) -> NormalisedLaw:
     """Bring the parameters of iron, and how a current is made up, into the units of the law."""
     a = iron["a"]
-    return Normal(
+    return NormalisedLaw(
         a=a,
         kappa=iron["k"] / a,
         c=iron["c"],
-        play=iron["r_d"] / a,
-        air=arms.air * a,
-        bias=arms.bias,
-        flux_arm=arms.flux_arm,
-        field_arm=arms.field_arm * a,
+        dead_band=iron["r_d"] / a,
+        air_flux=coefficients.air_flux * a,
+        bias=coefficients.bias,
+        flux_coefficient=coefficients.flux,
+        field_coefficient=coefficients.field * a,
     )
 
 
-def largest_field(law: Normal, current: tuple[float, float]) -> float:
+def find_max_field(law: NormalisedLaw, current: tuple[float, float]) -> float:
     """Largest ``|x|`` to which currents within their limits drive the iron, at any gap."""
     drive = np.abs(np.asarray(current)[:, None] - law.bias).ravel()
-    arm, field_arm = (np.tile(arms, len(current)) for arms in (law.flux_arm, law.field_arm))
-    against = arm < 0.0
-    with_air, counted = ((drive[rows], arm[rows], field_arm[rows]) for rows in (~against, against))
-    return max(law.kappa, _rising_field(law, *with_air), _free_field(law, *counted))
+    flux_coefficient, field_coefficient = (
+        np.tile(arms, len(current)) for arms in (law.flux_coefficient, law.field_coefficient)
+    )
+    is_negative = flux_coefficient < 0.0
+    positive, negative = (
+        (drive[rows], flux_coefficient[rows], field_coefficient[rows])
+        for rows in (~is_negative, is_negative)
+    )
+    return max(
+        law.kappa,
+        _max_field_on_ascending_branch(law, *positive),
+        _max_field_on_anhysteretic(law, *negative),
+    )
 
 
-def _rising_field(law: Normal, drive: FloatArray, arm: FloatArray, own: FloatArray) -> float:
+def _max_field_on_ascending_branch(
+    law: NormalisedLaw,
+    drive: FloatArray,
+    flux_coefficient: FloatArray,
+    field_coefficient: FloatArray,
+) -> float:
     """Return the largest field on the ascending branch, where the iron answers least.
 
     What each drive has left falls with the field, so the last to have some left leads furthest.
@@ -79,19 +93,34 @@ def _rising_field(law: Normal, drive: FloatArray, arm: FloatArray, own: FloatArr
     if drive.size == 0:
         return 0.0
 
-    def missing(x: float) -> float:
+    def drive_error(x: float) -> float:
         pinned = float(ascending_branch(law.kappa, np.array([x]))[0])
         m = (1.0 - law.c) * pinned + law.c * float(langevin(np.array([x]))[0][0])
-        return float(np.min(arm * (m + law.air * x) + own * x - drive))
+        return float(
+            np.min(flux_coefficient * (m + law.air_flux * x) + field_coefficient * x - drive)
+        )
 
-    return float(brentq(missing, -1.0 - law.kappa, float(np.max(drive / own)) + law.kappa + 1.0))
+    return float(
+        brentq(
+            drive_error,
+            -1.0 - law.kappa,
+            float(np.max(drive / field_coefficient)) + law.kappa + 1.0,
+        )
+    )
 
 
-def _free_field(law: Normal, drive: FloatArray, arm: FloatArray, own: FloatArray) -> float:
+def _max_field_on_anhysteretic(
+    law: NormalisedLaw,
+    drive: FloatArray,
+    flux_coefficient: FloatArray,
+    field_coefficient: FloatArray,
+) -> float:
     """Return the largest field on the anhysteretic curve, where the iron counts against the air."""
     x = np.full(drive.shape, np.inf)
-    for _ in range(DESCENTS):
-        x = (drive - arm * langevin(x)[0]) / (own + arm * law.air)
+    for _ in range(FIXED_POINT_STEPS):
+        x = (drive - flux_coefficient * langevin(x)[0]) / (
+            field_coefficient + flux_coefficient * law.air_flux
+        )
     return float(np.max(x, initial=0.0))
 
 
@@ -99,53 +128,55 @@ def _free_field(law: Normal, drive: FloatArray, arm: FloatArray, own: FloatArray
 class FullTables:
     """Tables of a compensator of the full law; fields in units of ``a``."""
 
-    reach: float  # largest field
+    max_field: float  # largest field
     curve: FloatArray  # anhysteretic curve over fields from 0 to the largest; shape (2**n + 1,)
     # ascending branch of a fully pinned iron, over fields of both signs; shape (2**(n + 1) + 1,)
     branch: FloatArray
     inverse: FloatArray  # field over the anhysteretic from 0 to 1; shape (2**m + 1,)
 
 
-def full_law(frame: BlockFrame) -> LawTables:
+def make_full_law(frame: BlockFrame) -> LawTables:
     """Return the tables of a model of the full law; a field of 1 is the largest."""
-    law = normal(iron_of(frame.model), frame.arms)
-    tables = full_tables(law, frame.limits, frame.sizes)
-    arms = law.bias, law.flux_arm, law.field_arm * tables.reach
-    return LawTables(arms, partial(_pack, law, tables, frame.sizes))
+    law = normalise_law(iron_parameters(frame.model), frame.coefficients)
+    tables = make_full_tables(law, frame.limits, frame.sizes)
+    coefficients = law.bias, law.flux_coefficient, law.field_coefficient * tables.max_field
+    return LawTables(coefficients, partial(_pack, law, tables, frame.sizes))
 
 
-def full_tables(law: Normal, limits: DemandLimits, sizes: TableSizes) -> FullTables:
+def make_full_tables(law: NormalisedLaw, limits: DemandLimits, sizes: TableSizes) -> FullTables:
     """Return the tables of a law, as far as currents within their limits lead."""
-    reach = MARGIN * largest_field(law, limits.current)
-    if reach > FURTHEST:
+    max_field = FIELD_MARGIN * find_max_field(law, limits.current)
+    if max_field > MAX_RELATIVE_FIELD:
         raise InputError(
-            f"current: its limits drive the iron to {reach:.0f} times its shape field a, beyond "
-            f"{FURTHEST:.0f} the tables are too steep for 16 bits; narrow the current, or "
+            f"current: its limits drive the iron to {max_field:.0f} times its shape field a, beyond "
+            f"{MAX_RELATIVE_FIELD:.0f} the tables are too steep for 16 bits; narrow the current, or "
             "identify with --law play-cells",
             code="tables-too-steep",
             key="current",
         )
     n = sizes.curve_segments
-    field = np.linspace(-reach, reach, 2 ** (n + 1) + 1)
-    rising = field[2**n :]
-    curve = langevin(rising)[0]
+    field = np.linspace(-max_field, max_field, 2 ** (n + 1) + 1)
+    positive_field = field[2**n :]
+    curve = langevin(positive_field)[0]
     level = np.linspace(0.0, 1.0, 2**sizes.inverse_segments + 1)
-    inverse = np.interp(level, curve, rising)
-    return FullTables(reach, curve, ascending_branch(law.kappa, field), inverse)
+    inverse = np.interp(level, curve, positive_field)
+    return FullTables(max_field, curve, ascending_branch(law.kappa, field), inverse)
 
 
-def _pack(law: Normal, tables: FullTables, sizes: TableSizes, pack: Packer) -> None:
-    reach = tables.reach
-    pack.set_single("UNIT_FIELD", reach * law.a)
-    pack.table("FULL_CURVE", tables.curve, 32768.0)
-    pack.table("FULL_BRANCH", tables.branch, 32768.0)
-    pack.table("FULL_INVERSE", tables.inverse / reach, 32767.0)
-    pack.put_weight("FULL_RATE", reach / (law.kappa * np.log(2.0)) / 16.0, "k")
-    steepness = reach / law.kappa
-    pack.put("FULL_STEEPNESS", min(steepness, MAX_Q8) if pack.is_fixed else steepness, "k", 1)
-    pack.put("FULL_AIR", law.air * reach / 4.0, "h", least=1)
-    pack.put("FULL_REVERSIBLE", law.c, "c")
-    pack.put("FULL_PLAY", law.play / reach, "r_d")
-    pack.set("FULL_ITERATIONS", sizes.iterations)
-    pack.set("FULL_CURVE_SEGMENTS", sizes.curve_segments)
-    pack.set("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)
+def _pack(law: NormalisedLaw, tables: FullTables, sizes: TableSizes, pack: Packer) -> None:
+    max_field = tables.max_field
+    pack.put_single("UNIT_FIELD", max_field * law.a)
+    pack.put_table("FULL_CURVE", tables.curve, 32768.0)
+    pack.put_table("FULL_BRANCH", tables.branch, 32768.0)
+    pack.put_table("FULL_INVERSE", tables.inverse / max_field, 32767.0)
+    pack.put_weight("FULL_RATE", max_field / (law.kappa * np.log(2.0)) / 16.0, "k")
+    steepness = max_field / law.kappa
+    pack.put_number(
+        "FULL_STEEPNESS", min(steepness, MAX_Q8) if pack.is_fixed else steepness, "k", 1
+    )
+    pack.put_number("FULL_AIR", law.air_flux * max_field / 4.0, "h", min_word=1)
+    pack.put_number("FULL_REVERSIBLE", law.c, "c")
+    pack.put_number("FULL_PLAY", law.dead_band / max_field, "r_d")
+    pack.put_integer("FULL_ITERATIONS", sizes.iterations)
+    pack.put_integer("FULL_CURVE_SEGMENTS", sizes.curve_segments)
+    pack.put_integer("FULL_INVERSE_SEGMENTS", sizes.inverse_segments)

@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.compensate.block import Block, DemandLimits, TableSizes
-from anhyst.compensate.builder import FINE, Builder
-from anhyst.compensate.circuit import arms_of, flux_unit, iron_of, nodes
-from anhyst.compensate.force_controller import Io, twin_of
-from anhyst.compensate.paths import Path
+from anhyst.compensate.builder import FINE_SIZES, BlockBuilder
+from anhyst.compensate.circuit import current_coefficients, flux_unit, gap_knots, iron_parameters
+from anhyst.compensate.force_controller import Io, make_twin
+from anhyst.compensate.paths import DemandPath
 from anhyst.model.actuator import Model
 from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
-LOSS_EVERY = 4
+LOSS_PERIOD_TICKS = 4
 """On the path with losses the amplifier gives what was wanted but for one tick in so many."""
 
 LOSS_SEED = 3
@@ -33,10 +33,12 @@ LOSS_SEED = 3
 class PathRun:
     """One path under one compensator."""
 
-    path: Path  # what was demanded
+    path: DemandPath  # what was demanded
     current: FloatArray  # what was applied, in units of the input; shape (n,)
     output: FloatArray  # what the exact model makes of it; shape (n,)
-    judged: NDArray[np.bool_]  # samples at which the current was the compensator's own; shape (n,)
+    is_evaluated: NDArray[
+        np.bool_
+    ]  # samples at which the current was the compensator's own; shape (n,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,137 +50,155 @@ class OutputDeviation:
     path: str
 
 
-def run_twin(model: Model, block: Block, io: Io, path: Path) -> PathRun:
+def run_twin(model: Model, block: Block, io: Io, path: DemandPath) -> PathRun:
     """Run a compensator along a path, and the exact model with its currents."""
-    current = twin_of(block, io).run(path.demand, path.gap)
-    return PathRun(path, current, exact_output(model, current, path), np.ones(current.size, bool))
+    current = make_twin(block, io).run(path.demand, path.gap)
+    return PathRun(path, current, predict_output(model, current, path), np.ones(current.size, bool))
 
 
-def run_with_losses(model: Model, block: Block, io: Io, path: Path) -> PathRun:
+def run_with_losses(model: Model, block: Block, io: Io, path: DemandPath) -> PathRun:
     """Run a compensator whose amplifier now and then gives something else, as `run_twin`."""
     size = path.demand.size
-    judged = np.arange(size) % LOSS_EVERY != LOSS_EVERY - 1
+    is_evaluated = np.arange(size) % LOSS_PERIOD_TICKS != LOSS_PERIOD_TICKS - 1
     loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
-    current = twin_of(block, io).run_with_losses(path.demand, path.gap, np.where(judged, 0.0, loss))
-    return PathRun(path, current, exact_output(model, current, path), judged)
+    current = make_twin(block, io).run_with_losses(
+        path.demand, path.gap, np.where(is_evaluated, 0.0, loss)
+    )
+    return PathRun(path, current, predict_output(model, current, path), is_evaluated)
 
 
-def exact_output(model: Model, current: FloatArray, path: Path) -> FloatArray:
+def predict_output(model: Model, current: FloatArray, path: DemandPath) -> FloatArray:
     """Return what the model makes of a current along a path."""
     return model.predict(current, path.gap, history="demagnetised").output
 
 
-def off_demand(run: PathRun, limits: DemandLimits, resolution: float) -> FloatArray:
+def demand_error(run: PathRun, limits: DemandLimits, resolution: float) -> FloatArray:
     """Return output minus demand; at a limit of the current only what is on its wrong side."""
     error = run.output - run.path.demand
     low, high = limits.current
     bottom, top = run.current <= low + resolution, run.current >= high - resolution
     error[bottom] = np.minimum(error[bottom], 0.0)
     error[top] = np.maximum(error[top], 0.0)
-    return np.where(run.judged, error, 0.0)
+    return np.where(run.is_evaluated, error, 0.0)
 
 
-def deviation(errors: Iterable[tuple[str, FloatArray]]) -> OutputDeviation:
+def summarise_errors(errors: Iterable[tuple[str, FloatArray]]) -> OutputDeviation:
     """Sum up errors over several paths, given with their names."""
-    kept = [(name, np.abs(error)) for name, error in errors]
-    worst = max(kept, key=lambda item: float(item[1].max()))
-    squares = np.concatenate([error for _, error in kept]) ** 2
+    magnitudes = [(name, np.abs(error)) for name, error in errors]
+    worst = max(magnitudes, key=lambda item: float(item[1].max()))
+    squares = np.concatenate([error for _, error in magnitudes]) ** 2
     return OutputDeviation(float(worst[1].max()), float(np.sqrt(squares.mean())), worst[0])
 
 
-def resolution(scales: Scales) -> float:
+def current_resolution(scales: Scales) -> float:
     """Return two steps of the words that hold the limits of the current, in units of the input."""
     return scales.current * 2.0**-14
 
 
-def against_demand(
-    model: Model, block: Block, io: Io, paths: Sequence[Path]
+def compare_with_demand(
+    model: Model, block: Block, io: Io, paths: Sequence[DemandPath]
 ) -> tuple[OutputDeviation, list[tuple[PathRun, FloatArray]]]:
     """Run a compensator along all paths, the first of the random ones with losses as well."""
-    step = resolution(block.scales)
+    step = current_resolution(block.scales)
     runs = [run_twin(model, block, io, path) for path in paths]
-    lossy = next(path for path in paths if path.name == "reversals")
+    loss_path = next(path for path in paths if path.name == "reversals")
     title = "random reversals, the amplifier not following"
-    runs.append(run_with_losses(model, block, io, replace(lossy, name="losses", title=title)))
-    judged = [(run, off_demand(run, block.limits, step)) for run in runs]
-    return deviation((run.path.name, error) for run, error in judged), judged
+    runs.append(run_with_losses(model, block, io, replace(loss_path, name="losses", title=title)))
+    runs_with_errors = [(run, demand_error(run, block.limits, step)) for run in runs]
+    return summarise_errors(
+        (run.path.name, error) for run, error in runs_with_errors
+    ), runs_with_errors
 
 
-def between(
-    model: Model, tested: tuple[Block, Io], reference: tuple[Block, Io], paths: Sequence[Path]
+def compare_compensators(
+    model: Model, tested: tuple[Block, Io], reference: tuple[Block, Io], paths: Sequence[DemandPath]
 ) -> OutputDeviation:
     """Compare two compensators: what the exact model makes of their currents."""
-    first, second = (outputs(model, *each, paths) for each in (tested, reference))
-    return apart(paths, first, second)
+    first, second = (predict_outputs(model, *each, paths) for each in (tested, reference))
+    return compare_outputs(paths, first, second)
 
 
-def outputs(model: Model, block: Block, io: Io, paths: Sequence[Path]) -> list[FloatArray]:
+def predict_outputs(
+    model: Model, block: Block, io: Io, paths: Sequence[DemandPath]
+) -> list[FloatArray]:
     """Return what the exact model makes of a compensator's currents, path by path."""
     return [run_twin(model, block, io, path).output for path in paths]
 
 
-def apart(
-    paths: Sequence[Path], tested: Sequence[FloatArray], reference: Sequence[FloatArray]
+def compare_outputs(
+    paths: Sequence[DemandPath], tested: Sequence[FloatArray], reference: Sequence[FloatArray]
 ) -> OutputDeviation:
     """Return how far two compensators are apart, from their outputs on each path."""
-    both = zip(paths, tested, reference, strict=True)
-    return deviation((path.name, first - second) for path, first, second in both)
+    pairs = zip(paths, tested, reference, strict=True)
+    return summarise_errors((path.name, first - second) for path, first, second in pairs)
 
 
-def snapped(paths: Sequence[Path], model: Model, scales: Scales, sizes: TableSizes) -> list[Path]:
+def snap_gaps(
+    paths: Sequence[DemandPath], model: Model, scales: Scales, sizes: TableSizes
+) -> list[DemandPath]:
     """Return the paths with every gap moved to the nearest entry of the tables over it."""
     if not model.needs_schedule:
         return list(paths)
-    at = nodes(model, scales, sizes)
-    middles = 0.5 * (at[1:] + at[:-1])
+    knots = gap_knots(model, scales, sizes)
+    middles = 0.5 * (knots[1:] + knots[:-1])
 
-    def moved(path: Path) -> Path:
+    def snap(path: DemandPath) -> DemandPath:
         assert path.gap is not None
-        return replace(path, gap=at[np.searchsorted(middles, path.gap)])
+        return replace(path, gap=knots[np.searchsorted(middles, path.gap)])
 
-    return [moved(path) for path in paths]
+    return [snap(path) for path in paths]
 
 
-def interpolation(
-    model: Model, scales: Scales, limits: DemandLimits, sizes: TableSizes, paths: Sequence[Path]
+def measure_gap_interpolation(
+    model: Model,
+    scales: Scales,
+    limits: DemandLimits,
+    sizes: TableSizes,
+    paths: Sequence[DemandPath],
 ) -> OutputDeviation:
     """Return what straight lines between the entries over the gap cost, everything else exact."""
     if not model.needs_schedule:
         return OutputDeviation(0.0, 0.0, "")
-    at = nodes(model, scales, sizes)
-    arms = arms_of(model, at)
+    knots = gap_knots(model, scales, sizes)
+    coefficients = current_coefficients(model, knots)
     unit, power = flux_unit(model), model.power
-    circuit = model.circuit(at, np.zeros(at.size))
-    alpha = iron_of(model)["alpha"]
+    circuit = model.circuit(knots, np.zeros(knots.size))
+    alpha = iron_parameters(model)["alpha"]
 
-    def error(path: Path) -> FloatArray:
+    def error(path: DemandPath) -> FloatArray:
         gap = path.gap
         assert gap is not None
 
-        def over(values: FloatArray) -> FloatArray:
-            return np.interp(gap, at, values)
+        def interpolate(values: FloatArray) -> FloatArray:
+            return np.interp(gap, knots, values)
 
-        part = path.demand - over(circuit.out_0)
-        gain = over((1.0 / circuit.c_out) ** (1.0 / power)) / unit
-        flux = gain * (np.sqrt(np.maximum(part, 0.0)) if power == 2 else part)
+        demand_above_offset = path.demand - interpolate(circuit.out_0)
+        gain = interpolate((1.0 / circuit.c_out) ** (1.0 / power)) / unit
+        flux = gain * (
+            np.sqrt(np.maximum(demand_above_offset, 0.0)) if power == 2 else demand_above_offset
+        )
         exact = model.circuit(gap, np.zeros(gap.size))
         reached = model.invert(exact.output(flux * unit), gap, history="demagnetised")
         x = (1.0 - alpha) * reached.field + alpha * reached.flux_density / MU_0
-        current = over(arms.bias) + over(arms.flux_arm) * flux + over(arms.field_arm) * x
+        current = (
+            interpolate(coefficients.bias)
+            + interpolate(coefficients.flux) * flux
+            + interpolate(coefficients.field) * x
+        )
         current = np.clip(current, *limits.current)
-        run = PathRun(path, current, exact_output(model, current, path), np.ones(x.size, bool))
-        return off_demand(run, limits, 1e-9 * scales.current)
+        run = PathRun(path, current, predict_output(model, current, path), np.ones(x.size, bool))
+        return demand_error(run, limits, 1e-9 * scales.current)
 
-    return deviation((path.name, error(path)) for path in paths)
+    return summarise_errors((path.name, error(path)) for path in paths)
 
 
-SEED = 2
-LENGTH = 4
+BUDGET_SEED = 2
+BUDGET_PATH_LENGTH = 4
 
-CROSSING = 0.5
+CROSSING_TIME_S = 0.5
 """Seconds in which the demand of the part 'sample rate' crosses its range, and the gap its own."""
 
-MOST_TICKS = 400
+MAX_CROSSING_TICKS = 400
 """Of a crossing that are simulated; at higher rates the deviation shrinks in proportion."""
 
 
@@ -197,145 +217,165 @@ class BudgetPart:
 class CompensatorTrial:
     """A compensator on trial: what its parts are measured on is built once."""
 
-    builder: Builder
+    builder: BlockBuilder
     sizes: TableSizes
     block: Block  # as it is compiled
-    still: Block  # without what answers late
+    static_block: Block  # without what answers late
 
     @cached_property
-    def exact(self) -> Block:
+    def exact_block(self) -> Block:
         """The same tables in double precision, of the iron at rest."""
-        return self.builder.exact(self.sizes)
+        return self.builder.exact_block(self.sizes)
 
     @cached_property
-    def ways(self) -> list[Path]:
+    def paths(self) -> list[DemandPath]:
         """The paths of the budget, other ones than those of the search."""
-        return self.builder.reach.paths(seed=SEED, length=LENGTH)
+        return self.builder.output_range.paths(seed=BUDGET_SEED, length=BUDGET_PATH_LENGTH)
 
     @cached_property
-    def everything(self) -> tuple[OutputDeviation, list[tuple[PathRun, FloatArray]]]:
+    def compiled_runs(self) -> tuple[OutputDeviation, list[tuple[PathRun, FloatArray]]]:
         """Everything switched on: the worst of all paths, and the deviation along each."""
-        return against_demand(self.builder.model, self.still, self.builder.io, self.ways)
+        return compare_with_demand(
+            self.builder.model, self.static_block, self.builder.io, self.paths
+        )
 
-    def parts(self, largest: float) -> list[BudgetPart]:
+    def measure_parts(self, reference_output: float) -> list[BudgetPart]:
         """Return what each step from model to C costs; `largest` is the output of 100 %."""
         return [
-            *self._law(),
-            self._tables(),
-            self._quantisation(),
-            *self._gap(),
-            self._sampling(),
-            *self._rate(largest),
+            *self._measure_law(),
+            self._measure_tables(),
+            self._measure_quantisation(),
+            *self._measure_gap_tables(),
+            self._measure_sampling(),
+            *self._measure_rate(reference_output),
         ]
 
-    def compiled(self) -> BudgetPart:
+    def measure_compiled(self) -> BudgetPart:
         """Return what all of them cost together."""
-        return _worst_in("compiled", "compiled, all at once", *self.everything)
+        return _make_part("compiled", "compiled, all at once", *self.compiled_runs)
 
-    def _law(self) -> list[BudgetPart]:
+    def _measure_law(self) -> list[BudgetPart]:
         builder = self.builder
         if builder.kind == "full":
             return []
-        measured = against_demand(builder.model, builder.exact(FINE), "f64", self.ways)
-        part = _worst_in("law", "straight anhysteretic", *measured)
+        measured = compare_with_demand(
+            builder.model, builder.exact_block(FINE_SIZES), "f64", self.paths
+        )
+        part = _make_part("law", "straight anhysteretic", *measured)
         return [replace(part, note=f"the simplified law with fine tables; {part.note}")]
 
-    def _tables(self) -> BudgetPart:
+    def _measure_tables(self) -> BudgetPart:
         builder, model = self.builder, self.builder.model
-        at = snapped(self.ways, model, builder.scales, self.sizes)
+        snapped = snap_gaps(self.paths, model, builder.scales, self.sizes)
         if builder.kind == "full":
-            part = _worst_in("tables", "tables", *against_demand(model, self.exact, "f64", at))
+            part = _make_part(
+                "tables", "tables", *compare_with_demand(model, self.exact_block, "f64", snapped)
+            )
             note = f"in double precision, at gaps that stand in the tables; {part.note}"
             return replace(part, note=note)
-        fine = builder.exact(replace(FINE, gap_segments=self.sizes.gap_segments))
-        off = between(model, (self.exact, "f64"), (fine, "f64"), at)
+        fine = builder.exact_block(replace(FINE_SIZES, gap_segments=self.sizes.gap_segments))
+        deviation = compare_compensators(model, (self.exact_block, "f64"), (fine, "f64"), snapped)
         note = "chosen against fine tables, in double precision, at gaps that stand in the tables"
-        return BudgetPart("tables", "tables", off.worst, off.rms, note)
+        return BudgetPart("tables", "tables", deviation.worst, deviation.rms, note)
 
-    def _quantisation(self) -> BudgetPart:
+    def _measure_quantisation(self) -> BudgetPart:
         io = self.builder.io
-        off = between(self.builder.model, (self.still, io), (self.exact, "f64"), self.ways)
+        deviation = compare_compensators(
+            self.builder.model, (self.static_block, io), (self.exact_block, "f64"), self.paths
+        )
         note = (
             f"{io} and {self.sizes.iterations} iterations against double precision, many "
             "iterations and the same tables"
         )
         if self.builder.kind == "euler":
             note = "Euler's steps and rounding against the closed form in double precision"
-        return BudgetPart("quantisation", "quantisation", off.worst, off.rms, note)
+        return BudgetPart("quantisation", "quantisation", deviation.worst, deviation.rms, note)
 
-    def _gap(self) -> list[BudgetPart]:
+    def _measure_gap_tables(self) -> list[BudgetPart]:
         builder, model = self.builder, self.builder.model
         if not model.needs_schedule:
             return []
         if builder.kind == "full":
-            lifted = builder.reach.paths(lifted=True, seed=SEED, length=LENGTH)
-            off = interpolation(model, builder.scales, builder.limits, self.sizes, lifted)
+            paths = builder.output_range.paths(
+                above_remanence=True, seed=BUDGET_SEED, length=BUDGET_PATH_LENGTH
+            )
+            deviation = measure_gap_interpolation(
+                model, builder.scales, builder.limits, self.sizes, paths
+            )
             note = "straight lines between the entries over the gap, everything else exact"
         else:
             coarse, fine = (
-                builder.exact(replace(FINE, gap_segments=n))
-                for n in (self.sizes.gap_segments, FINE.gap_segments)
+                builder.exact_block(replace(FINE_SIZES, gap_segments=n))
+                for n in (self.sizes.gap_segments, FINE_SIZES.gap_segments)
             )
-            off = between(model, (coarse, "f64"), (fine, "f64"), self.ways)
+            deviation = compare_compensators(model, (coarse, "f64"), (fine, "f64"), self.paths)
             note = "chosen entries over the gap against those of the fit, everything else fine"
-        return [BudgetPart("gap_interpolation", "gap interpolation", off.worst, off.rms, note)]
+        return [
+            BudgetPart(
+                "gap_interpolation", "gap interpolation", deviation.worst, deviation.rms, note
+            )
+        ]
 
-    def _sampling(self) -> BudgetPart:
+    def _measure_sampling(self) -> BudgetPart:
         """Let every current act two ticks after its demand: one of delay, and the end of its hold."""
         builder = self.builder
-        rate, reach = builder.conditioning.rate, builder.reach
-        crossing = rate * CROSSING
-        ticks = int(np.clip(crossing, 8, MOST_TICKS))
+        rate, output_range = builder.conditioning.rate, builder.output_range
+        crossing = rate * CROSSING_TIME_S
+        ticks = int(np.clip(crossing, 8, MAX_CROSSING_TICKS))
         wave = 1.0 - np.abs((np.arange(4 * ticks) / ticks) % 2.0 - 1.0)  # 0..1, twice to and fro
         gap = builder.scales.gap_at(wave)
-        demand = reach.demand(0.05 + 0.9 * np.roll(wave, ticks // 2), gap, lifted=True)
-        error = ticks / crossing * _late(builder.model, demand, gap)[2 * ticks :]
+        demand = output_range.demand(
+            0.05 + 0.9 * np.roll(wave, ticks // 2), gap, above_remanence=True
+        )
+        error = ticks / crossing * _delayed_error(builder.model, demand, gap)[2 * ticks :]
         note = (
             f"a current of {rate:g} Hz at the end of its hold, one tick of delay before "
-            f"it, while demand and gap cross their ranges in {CROSSING:g} s; half as fast, half as much"
+            f"it, while demand and gap cross their ranges in {CROSSING_TIME_S:g} s; half as fast, half as much"
         )
-        off = deviation([("sample_rate", error)])
-        return BudgetPart("sample_rate", "sample rate", off.worst, off.rms, note)
+        deviation = summarise_errors([("sample_rate", error)])
+        return BudgetPart("sample_rate", "sample rate", deviation.worst, deviation.rms, note)
 
-    def _rate(self, largest: float) -> list[BudgetPart]:
+    def _measure_rate(self, reference_output: float) -> list[BudgetPart]:
         """Follow demands as fast as was measured, with the layers and without."""
-        builder, late = self.builder, self.builder.late
-        if late is None:
+        builder, dynamic_model = self.builder, self.builder.dynamic_model
+        if dynamic_model is None:
             return []
-        rate, step = builder.conditioning.rate, resolution(builder.scales)
-        ways = builder.reach.fast_paths(late.dynamics.fastest if late.dynamics else 0.0, rate)
+        rate, step = builder.conditioning.rate, current_resolution(builder.scales)
+        paths = builder.output_range.fast_paths(
+            dynamic_model.dynamics.fastest if dynamic_model.dynamics else 0.0, rate
+        )
 
-        def off(used: Block) -> OutputDeviation:
+        def measure(used: Block) -> OutputDeviation:
             errors = []
-            for path in ways:
-                current = twin_of(used, builder.io).run(path.demand, path.gap)
+            for path in paths:
+                current = make_twin(used, builder.io).run(path.demand, path.gap)
                 # A record begins at rest: a sample before the first tick, at which nothing flows.
                 drive, gap = np.append(0.0, current), path.gap
                 gap = gap if gap is None else np.append(gap[0], gap)
                 time = np.arange(drive.size) / rate
-                output = late.predict(drive, gap, time, history="demagnetised").output[1:]
+                output = dynamic_model.predict(drive, gap, time, history="demagnetised").output[1:]
                 run = PathRun(path, current, output, np.ones(current.size, dtype=bool))
-                errors.append((path.name, off_demand(run, builder.limits, step)))
-            return deviation(errors)
+                errors.append((path.name, demand_error(run, builder.limits, step)))
+            return summarise_errors(errors)
 
-        moving, still = off(self.block), off(self.still)
-        titles = " and ".join(path.title for path in ways)
+        compiled, static = measure(self.block), measure(self.static_block)
+        titles = " and ".join(path.title for path in paths)
         note = (
             f"{titles}, against the model with its layers; compiled at rest it would be "
-            f"{100.0 * still.worst / largest:.2g} %"
+            f"{100.0 * static.worst / reference_output:.2g} %"
         )
-        return [BudgetPart("rate", "rate", moving.worst, moving.rms, note)]
+        return [BudgetPart("rate", "rate", compiled.worst, compiled.rms, note)]
 
 
-def _worst_in(
-    name: str, title: str, off: OutputDeviation, runs: Sequence[tuple[PathRun, FloatArray]]
+def _make_part(
+    name: str, title: str, deviation: OutputDeviation, runs: Sequence[tuple[PathRun, FloatArray]]
 ) -> BudgetPart:
     """Return the part of some runs, which says on which of them it was worst."""
-    where = next(run.path.title for run, _ in runs if run.path.name == off.path)
-    return BudgetPart(name, title, off.worst, off.rms, f"worst in {where}")
+    worst_path = next(run.path.title for run, _ in runs if run.path.name == deviation.path)
+    return BudgetPart(name, title, deviation.worst, deviation.rms, f"worst in {worst_path}")
 
 
-def _late(model: Model, demand: FloatArray, gap: FloatArray) -> FloatArray:
+def _delayed_error(model: Model, demand: FloatArray, gap: FloatArray) -> FloatArray:
     """Output minus demand where each current acts two ticks late, at the gap of then.
 
     The iron's memory is advanced at the ticks alone. Between them the gap moves under a current
@@ -346,14 +386,18 @@ def _late(model: Model, demand: FloatArray, gap: FloatArray) -> FloatArray:
     circuit = model.circuit(gap, np.zeros(gap.size))
     flux, _ = circuit.flux_density(demand)
     error = np.zeros(gap.size)
-    none = np.zeros(1)
-    for now in range(gap.size - 2):
-        before, then = slice(now, now + 1), slice(now + 2, now + 3)
-        drive, _, state, _, _ = iron.inverse(flux[before], circuit.rho[before], none, state)
+    no_rate = np.zeros(1)
+    for tick in range(gap.size - 2):
+        at_tick, two_ticks_later = slice(tick, tick + 1), slice(tick + 2, tick + 3)
+        drive, _, state, _, _ = iron.inverse(flux[at_tick], circuit.rho[at_tick], no_rate, state)
         # The same current at the gap of two ticks later, where its turns count otherwise.
-        later = drive * circuit.turns[then] / circuit.turns[before]
-        later = later + circuit.turns[then] * (circuit.in_0[before] - circuit.in_0[then])
-        reached, *_ = iron.forward(later, circuit.rho[then], none, state)
-        output = circuit.c_out[then] * reached**model.power + circuit.out_0[then]
-        error[then] = output - demand[then]
+        later_drive = drive * circuit.turns[two_ticks_later] / circuit.turns[at_tick]
+        later_drive = later_drive + circuit.turns[two_ticks_later] * (
+            circuit.in_0[at_tick] - circuit.in_0[two_ticks_later]
+        )
+        reached, *_ = iron.forward(later_drive, circuit.rho[two_ticks_later], no_rate, state)
+        output = (
+            circuit.c_out[two_ticks_later] * reached**model.power + circuit.out_0[two_ticks_later]
+        )
+        error[two_ticks_later] = output - demand[two_ticks_later]
     return error

@@ -21,29 +21,41 @@ from anhyst import _core
 from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import (
     CurrentMap,
-    current_map,
-    linearised_map,
-    one_play,
-    ratio_map,
-    secant_map,
-    single_valued_map,
+    fit_linearised_map,
+    fit_play_map,
+    fit_ratio_map,
+    fit_secant_map,
+    fit_single_valued_map,
+    make_current_map,
     table_words,
 )
-from anhyst.compensate.force_controller import REAL, ForceController, Io, MethodParameters, Native
-from anhyst.compensate.plan import CompileRequest, full_scale, make_plan
+from anhyst.compensate.force_controller import (
+    REAL_CONTROLLERS,
+    ForceController,
+    Io,
+    MethodParameters,
+    Native,
+)
+from anhyst.compensate.plan import CompileRequest, make_plan, round_full_scale
 from anhyst.compensate.sources import FluxCalibration, Sources
 from anhyst.data.output_map import is_actuator
 from anhyst.data.surface import Surface
 from anhyst.model.actuator import Model
 from anhyst.model.schema import ValidRange
 from anhyst.support.block_words import Scales
+from anhyst.support.cache import cached_result
 from anhyst.support.errors import InputError
-from anhyst.support.kept import kept
 from anhyst.support.kinds import MethodName, NumberFormat
-from anhyst.support.numeric import FloatArray, as_factor, as_smoothing, passed, q31
+from anhyst.support.numeric import (
+    FloatArray,
+    first_order_share,
+    to_factor,
+    to_q31,
+    to_smoothing_factor,
+)
 
 
-def bearing_model(
+def restrict_model(
     model: Model,
     currents: tuple[float, float],
     forces: tuple[float, float],
@@ -53,11 +65,13 @@ def bearing_model(
     if not is_actuator(model):
         text = "model: a bearing needs one from current to force"
         raise InputError(text, code="not-current-to-force", key="model")
-    seen = model.valid_range.schedule
-    if seen is None or gaps[0] < seen[0] - 1e-9 or gaps[1] > seen[1] + 1e-9:
-        known = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
+    covered = model.valid_range.schedule
+    if covered is None or gaps[0] < covered[0] - 1e-9 or gaps[1] > covered[1] + 1e-9:
+        covered_text = (
+            "no gap" if covered is None else f"gaps of {covered[0]:g} to {covered[1]:g} m"
+        )
         raise InputError(
-            f"model: holds at {known}, wanted are {gaps[0]:g} to {gaps[1]:g} m; identify it "
+            f"model: holds at {covered_text}, wanted are {gaps[0]:g} to {gaps[1]:g} m; identify it "
             "from loops at more gaps or narrow the range",
             code="gaps-not-covered",
             key="model",
@@ -79,7 +93,7 @@ class HysteresisInverse:
         return self.block.scales
 
     @property
-    def numbers(self) -> dict[str, float]:
+    def constants(self) -> dict[str, float]:
         """Evaluations of a search."""
         return {"iterations": float(self.iterations)}
 
@@ -88,10 +102,10 @@ class HysteresisInverse:
         kind, words = self.block.kind, self.block.words
         if number_format == "fixed":
             return _core.FixedForceController.compensator(kind, words)
-        return REAL[number_format].compensator(kind, words)
+        return REAL_CONTROLLERS[number_format].compensator(kind, words)
 
 
-def full_at_rest(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
+def compile_static_inverse(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
     """Compile the full law as if its iron were thin: without what answers late."""
     model = None if sources.model is None else sources.model.at_rest
     return compile_inverse("full", replace(sources, model=model), number_format)
@@ -101,17 +115,19 @@ def compile_inverse(
     kind: Literal["full", "simplified"], sources: Sources, number_format: NumberFormat
 ) -> HysteresisInverse:
     """Compile as for a controller; floats of thin iron that pulls take the tables of fixed point."""
-    model, where = sources.model, sources.operating
+    model, operating = sources.model, sources.operating
     if model is None:
         raise InputError("this method needs a model; identify one from the loops", code="no-model")
-    narrowed = bearing_model(model, where.currents, where.forces, where.gap_range)
-    solid = kind == "full" and narrowed.has_layers
-    narrowed = narrowed if solid else narrowed.at_rest
-    own = number_format != "fixed" and (solid or where.both_ways)  # tables for floats
-    io: Io = "f32" if own else "q31"
-    request = CompileRequest(kind, io, where.rate)
-    plan = kept("plans", lambda: make_plan(narrowed, request, 0), narrowed, request)
-    block = plan.builder.whole(plan.sizes, number_format)
+    restricted = restrict_model(model, operating.currents, operating.forces, operating.gap_range)
+    has_layers = kind == "full" and restricted.has_layers
+    restricted = restricted if has_layers else restricted.at_rest
+    needs_float_tables = number_format != "fixed" and (
+        has_layers or operating.is_bipolar
+    )  # tables for floats
+    io: Io = "f32" if needs_float_tables else "q31"
+    request = CompileRequest(kind, io, operating.rate)
+    plan = cached_result("plans", lambda: make_plan(restricted, request, 0), restricted, request)
+    block = plan.builder.dynamic_block(plan.sizes, number_format)
     return HysteresisInverse(block, plan.sizes.iterations)
 
 
@@ -121,15 +137,17 @@ class FluxGains:
 
     proportional: float  # A/T
     integral: float  # in a tick, A/T
-    back: float  # share of a current beyond the limits which the integral takes back in a tick
+    anti_windup: (
+        float  # share of a current beyond the limits which the integral takes back in a tick
+    )
     # share of a step of the wanted flux density that is expected to show a tick later
     smoothing: float
     crossover: float  # of the flux loop, rad/s
 
     @property
-    def row(self) -> FloatArray:
+    def as_array(self) -> FloatArray:
         """The gains in the order of ``anhyst_flux_loop``."""
-        return np.array([self.proportional, self.integral, self.back, self.smoothing])
+        return np.array([self.proportional, self.integral, self.anti_windup, self.smoothing])
 
 
 def design_flux_loop(
@@ -147,20 +165,22 @@ def design_flux_loop(
     """
     tick = 1.0 / rate
     column = int(np.clip(np.searchsorted(surface.force, force), 1, surface.force.size - 2))
-    around = slice(column - 1, column + 2)
-    answer = np.ptp(density[:, around], axis=1) / np.ptp(surface.current[:, around], axis=1)
+    neighbours = slice(column - 1, column + 2)
+    flux_per_current = np.ptp(density[:, neighbours], axis=1) / np.ptp(
+        surface.current[:, neighbours], axis=1
+    )
     crossover = 0.5 / (calibration.delay + 0.5 * tick)
-    integral = crossover / float(answer.max())
+    integral = crossover / float(flux_per_current.max())
     return FluxGains(
         proportional=integral * calibration.lag,
         integral=integral * tick,
-        back=min(1.0, crossover * tick),
-        smoothing=passed(tick / (calibration.delay + calibration.lag)),
+        anti_windup=min(1.0, crossover * tick),
+        smoothing=first_order_share(tick / (calibration.delay + calibration.lag)),
         crossover=crossover,
     )
 
 
-MOST_ADDED = 0.05
+MAX_ADDED_CURRENT_SHARE = 0.05
 """Of the largest current: what a flux loop adds to that of a law at most, so that a probe that fails
 costs accuracy and not the flight."""
 
@@ -171,7 +191,7 @@ class FluxLoop:
 
     # T, at both ends of the force, on equal steps of the gap; shape (g, 2). Between them it goes with
     # the root of the force, or where that has a sign, straight with it
-    wanted: FloatArray
+    flux_table: FloatArray
     scales: Scales  # of the method
     gains: FluxGains
     rate: float  # ticks a second, Hz
@@ -179,10 +199,10 @@ class FluxLoop:
     @cached_property
     def full_scale(self) -> float:
         """Flux density that counts as 1.0 in fixed point, T."""
-        return full_scale(float(self.wanted.max()))
+        return round_full_scale(float(self.flux_table.max()))
 
     @property
-    def numbers(self) -> dict[str, float]:
+    def constants(self) -> dict[str, float]:
         """Crossover and gains."""
         return {
             "crossover_Hz": self.gains.crossover / (2.0 * math.pi),
@@ -192,30 +212,30 @@ class FluxLoop:
 
     def words(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
         """Return table and gains as fixed point takes them."""
-        across = self.full_scale / self.scales.current
+        flux_per_current = self.full_scale / self.scales.current
         rows = [
-            as_factor("proportional of the flux loop", self.gains.proportional * across),
-            as_factor("integral of the flux loop", self.gains.integral * across),
-            as_factor("anti-windup of the flux loop", self.gains.back),
-            as_smoothing("delay of the flux loop", self.gains.smoothing),
+            to_factor("proportional of the flux loop", self.gains.proportional * flux_per_current),
+            to_factor("integral of the flux loop", self.gains.integral * flux_per_current),
+            to_factor("anti-windup of the flux loop", self.gains.anti_windup),
+            to_smoothing_factor("delay of the flux loop", self.gains.smoothing),
         ]
-        wanted = table_words(self.wanted, self.full_scale, "flux density")
+        wanted = table_words(self.flux_table, self.full_scale, "flux density")
         return wanted, np.array(rows, dtype=np.int16)
 
 
-def _flux_loop(sources: Sources, surface: Surface, scales: Scales) -> FluxLoop:
+def _make_flux_loop(sources: Sources, surface: Surface, scales: Scales) -> FluxLoop:
     """Design the loop around a method with these scales."""
     operating, calibration = sources.operating, sources.flux_calibration
     if calibration is None:
         raise InputError(
             "flux: needs a Hall probe and its calibration", code="no-hall-probe", key="flux"
         )
-    density = calibration.density_over(surface.force, surface.gap)
+    density = calibration.density_at(surface.force, surface.gap)
     gains = design_flux_loop(calibration, surface, density, operating.force, operating.rate)
-    ends = np.array([-operating.both_ways * scales.demand, scales.demand])
+    force_range = np.array([-operating.is_bipolar * scales.demand, scales.demand])
     gap = np.linspace(scales.gap_low, scales.gap_high, surface.gap.size)
-    wanted = np.ascontiguousarray(calibration.density_over(ends, gap))
-    return FluxLoop(wanted, scales, gains, operating.rate)
+    flux_table = np.ascontiguousarray(calibration.density_at(force_range, gap))
+    return FluxLoop(flux_table, scales, gains, operating.rate)
 
 
 @dataclass(frozen=True)
@@ -236,24 +256,26 @@ class FluxFeedback:
         return self.loop.full_scale
 
     @property
-    def numbers(self) -> dict[str, float]:
+    def constants(self) -> dict[str, float]:
         """Crossover and gains of the flux loop."""
-        return self.loop.numbers
+        return self.loop.constants
 
     def native(self, number_format: NumberFormat) -> Native:
         """Return the core's own."""
         table, loop = self.map, self.loop
         if number_format == "fixed":
-            return _core.FixedForceController.flux(table.words(), *loop.words(), *table.codes())
-        tables = table.entries, loop.wanted, loop.gains.row
-        return REAL[number_format].flux(*tables, *table.real())
+            return _core.FixedForceController.flux(
+                table.entry_words(), *loop.words(), *table.limit_codes()
+            )
+        tables = table.entries, loop.flux_table, loop.gains.as_array
+        return REAL_CONTROLLERS[number_format].flux(*tables, *table.real_arguments())
 
 
-def flux_feedback(sources: Sources, _: NumberFormat) -> FluxFeedback:
+def fit_flux_feedback(sources: Sources, _: NumberFormat) -> FluxFeedback:
     """Design the flux loop around the best current without memory."""
     surface = sources.surface()
-    table = current_map(surface.current, sources.operating, {})
-    return FluxFeedback(table, _flux_loop(sources, surface, table.scales))
+    table = make_current_map(surface.current, sources.operating, {})
+    return FluxFeedback(table, _make_flux_loop(sources, surface, table.scales))
 
 
 @dataclass(frozen=True)
@@ -266,9 +288,9 @@ class FusedInverse:
     force_low: float  # of the table of the flux density, N
 
     @property
-    def most(self) -> float:
+    def max_added_current(self) -> float:
         """Current that the loop adds at most, A."""
-        return MOST_ADDED * self.limits[1]
+        return MAX_ADDED_CURRENT_SHARE * self.limits[1]
 
     @property
     def scales(self) -> Scales:
@@ -281,28 +303,34 @@ class FusedInverse:
         return self.loop.full_scale
 
     @property
-    def numbers(self) -> dict[str, float]:
+    def constants(self) -> dict[str, float]:
         """Numbers of the inverse and of the flux loop."""
-        return self.inverse.numbers | self.loop.numbers
+        return self.inverse.constants | self.loop.constants
 
     def native(self, number_format: NumberFormat) -> Native:
         """Return the core's own."""
-        made, scales = self.inverse.native(number_format), self.scales
-        if isinstance(made, _core.FixedForceController):
-            codes = (q31(end / scales.current) for end in (self.most, *self.limits))
-            made.fuse(*self.loop.words(), *codes)
+        native, scales = self.inverse.native(number_format), self.scales
+        if isinstance(native, _core.FixedForceController):
+            codes = (to_q31(end / scales.current) for end in (self.max_added_current, *self.limits))
+            native.fuse(*self.loop.words(), *codes)
         else:
             ends = self.force_low, scales.demand, scales.gap_low, scales.gap_high
-            made.fuse(self.loop.wanted, self.loop.gains.row, self.most, *ends, *self.limits)
-        return made
+            native.fuse(
+                self.loop.flux_table,
+                self.loop.gains.as_array,
+                self.max_added_current,
+                *ends,
+                *self.limits,
+            )
+        return native
 
 
-def fused_inverse(sources: Sources, number_format: NumberFormat) -> FusedInverse:
+def compile_fused_inverse(sources: Sources, number_format: NumberFormat) -> FusedInverse:
     """Compile the full law, and design the flux loop around it."""
-    inverse, where = compile_inverse("full", sources, number_format), sources.operating
-    low = -where.both_ways * inverse.scales.demand
-    loop = _flux_loop(sources, sources.surface(), inverse.scales)
-    return FusedInverse(inverse, loop, where.currents, low)
+    inverse, operating = compile_inverse("full", sources, number_format), sources.operating
+    force_low = -operating.is_bipolar * inverse.scales.demand
+    loop = _make_flux_loop(sources, sources.surface(), inverse.scales)
+    return FusedInverse(inverse, loop, operating.currents, force_low)
 
 
 Role = Literal["baseline", "model", "sensor"]
@@ -320,20 +348,20 @@ class Method:
 
 
 METHODS: Mapping[MethodName, Method] = {
-    "ratio": Method("baseline", ratio_map),
-    "secant": Method("baseline", secant_map),
-    "linearised": Method("baseline", linearised_map),
-    "single-valued": Method("baseline", single_valued_map),
-    "play": Method("baseline", one_play),
+    "ratio": Method("baseline", fit_ratio_map),
+    "secant": Method("baseline", fit_secant_map),
+    "linearised": Method("baseline", fit_linearised_map),
+    "single-valued": Method("baseline", fit_single_valued_map),
+    "play": Method("baseline", fit_play_map),
     "simplified": Method("model", partial(compile_inverse, "simplified")),
-    "at-rest": Method("model", full_at_rest),
+    "at-rest": Method("model", compile_static_inverse),
     "full": Method("model", partial(compile_inverse, "full")),
-    "flux": Method("sensor", flux_feedback),
-    "fused": Method("model", fused_inverse),
+    "flux": Method("sensor", fit_flux_feedback),
+    "fused": Method("model", compile_fused_inverse),
 }
 
-BASELINES = tuple(name for name, method in METHODS.items() if method.role == "baseline")
-MODELS = tuple(name for name, method in METHODS.items() if method.role == "model")
+BASELINE_METHODS = tuple(name for name, method in METHODS.items() if method.role == "baseline")
+MODEL_METHODS = tuple(name for name, method in METHODS.items() if method.role == "model")
 
 
 def make_compensator(

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from anhyst.compensate.plan import find_limits, full_scale
+from anhyst.compensate.plan import find_limits, round_full_scale
 from anhyst.data import History, Loop, Loops
 from anhyst.data.output_map import is_electromagnet
 from anhyst.data.surface import Surface, fit_surface
@@ -48,35 +48,37 @@ class FluxCalibration:
             text = "flux calibration: the delay must be above zero, the lag not below"
             raise InputError(text, code="delay-not-above-zero")
 
-    def density_over(self, force: FloatArray, gap: FloatArray) -> FloatArray:
+    def density_at(self, force: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the flux density that belongs to a force, T.
 
         At each measured gap it is the root of the force times the best constant, least squares, or
         of what goes both ways the best straight line over it; straight lines between the gaps.
         """
-        nodes = np.unique(self.gap)
+        knots = np.unique(self.gap)
         if force[0] < 0.0:
-            fits = [np.polyfit(*self._at(node), 1) for node in nodes.tolist()]
-            slope, rest = (np.interp(gap, nodes, column)[:, None] for column in np.transpose(fits))
-            return np.asarray(rest + slope * force)
+            fits = [np.polyfit(*self._points_at(knot), 1) for knot in knots.tolist()]
+            slope, intercept = (
+                np.interp(gap, knots, column)[:, None] for column in np.transpose(fits)
+            )
+            return np.asarray(intercept + slope * force)
         constants = []
-        for node in nodes.tolist():
-            rows = (self.gap == node) & (self.force > 0.0)
+        for knot in knots.tolist():
+            rows = (self.gap == knot) & (self.force > 0.0)
             root = np.sqrt(self.force[rows])
             constant = float(root @ self.flux_density[rows] / (root @ root)) if rows.any() else 0.0
             if not constant > 0.0:
-                text = f"flux calibration: at gap {node:g} m no flux density grows with the force"
+                text = f"flux calibration: at gap {knot:g} m no flux density grows with the force"
                 raise InputError(text, code="not-monotone")
             constants.append(constant)
-        return np.asarray(np.interp(gap, nodes, constants)[:, None] * np.sqrt(force)[None, :])
+        return np.asarray(np.interp(gap, knots, constants)[:, None] * np.sqrt(force)[None, :])
 
-    def _at(self, gap: float) -> tuple[FloatArray, FloatArray]:
+    def _points_at(self, gap: float) -> tuple[FloatArray, FloatArray]:
         at_gap = self.gap == gap
         return self.force[at_gap], self.flux_density[at_gap]
 
 
 @dataclass(frozen=True)
-class Operating:
+class OperatingRange:
     """Where a bearing works, and within which limits."""
 
     gap: float  # around which the constants are fitted, m
@@ -85,17 +87,17 @@ class Operating:
     gap_range: tuple[float, float]  # least and largest gap of the controller, m
     force_max: float  # largest force that is asked for, N
     current_max: float  # largest current, A
-    both_ways: bool = False  # whether force and current go as far below zero
+    is_bipolar: bool = False  # whether force and current go as far below zero
 
     @property
     def forces(self) -> tuple[float, float]:
         """Least and largest force, N."""
-        return -self.both_ways * self.force_max, self.force_max
+        return -self.is_bipolar * self.force_max, self.force_max
 
     @property
     def currents(self) -> tuple[float, float]:
         """Least and largest current, A."""
-        return -self.both_ways * self.current_max, self.current_max
+        return -self.is_bipolar * self.current_max, self.current_max
 
     def __post_init__(self) -> None:
         low, high = self.gap_range
@@ -114,7 +116,7 @@ class Operating:
 class Sources:
     """What is known of a magnet; each method uses what it needs."""
 
-    operating: Operating  # operating point and limits
+    operating: OperatingRange  # operating point and limits
     loops: Loops | None = None  # current to force; needed by every method without a model
     model: Model | None = None  # identified from the same loops; needed by methods with a model
     # needed by a method that measures the flux density
@@ -124,22 +126,22 @@ class Sources:
         """Return the best current without memory that the loops show."""
         if self.loops is None:
             raise InputError("this method needs the measured loops; give them", code="no-loops")
-        where = self.operating
-        full = full_scale(where.force_max)
-        return fit_surface(self.loops, (-where.both_ways * full, full), where.gap_range)
+        operating = self.operating
+        full = round_full_scale(operating.force_max)
+        return fit_surface(self.loops, (-operating.is_bipolar * full, full), operating.gap_range)
 
 
-GAPS = 7
+LOOP_GAPS = 7
 """Gaps at which a model is cycled."""
 
-NESTED = (0.9, 0.1, 0.8, 0.2, 0.7, 0.3, 0.6, 0.4, 0.8, 0.6, 0.75, 0.65)
+MINOR_LOOP_REVERSALS = (0.9, 0.1, 0.8, 0.2, 0.7, 0.3, 0.6, 0.4, 0.8, 0.6, 0.75, 0.65)
 """Where the current turns in a record of minor cycles, of the largest."""
 
-RAMP = 150
+RAMP_SAMPLES = 150
 """Samples from no current to the largest."""
 
 
-def operating_of(model: Model, rate: float) -> Operating:
+def find_operating_range(model: Model, rate: float) -> OperatingRange:
     """Return where the map has to hold: all that the model does."""
     if not is_electromagnet(model) or model.valid is None or model.valid.schedule is None:
         raise InputError(
@@ -153,40 +155,44 @@ def operating_of(model: Model, rate: float) -> Operating:
         text = "[valid]: --kind play needs a range of gaps; identify at several"
         raise InputError(text, code="single-gap", key="valid")
     middle, force = 0.5 * (gaps[0] + gaps[1]), limits.demand[1]
-    return Operating(middle, 0.5 * force, rate, gaps, force, limits.current[1])
+    return OperatingRange(middle, 0.5 * force, rate, gaps, force, limits.current[1])
 
 
-def model_loops(model: Model, operating: Operating) -> Loops:
+def simulate_loops(model: Model, operating: OperatingRange) -> Loops:
     """Return the whole loop and minor cycles of a model at several gaps."""
-    most = operating.current_max
+    current_max = operating.current_max
     loops = []
-    for gap in np.linspace(*operating.gap_range, GAPS).tolist():
-        drive = _drive((0.0, 1.0, 0.0), most)
-        loops.append(_record(model, "whole", drive, 0, gap, History("settled")))
-        before = _drive((0.0, 1.0, 0.0, 1.0, 0.0), most)
-        drive = np.concatenate([before[:-1], _drive((0.0, *NESTED, 0.0), most)])
-        history = History("conditioned", (0.0, most, 0.0, most, 0.0))
-        loops.append(_record(model, "nested", drive, before.size - 1, gap, history))
+    for gap in np.linspace(*operating.gap_range, LOOP_GAPS).tolist():
+        drive = _make_drive((0.0, 1.0, 0.0), current_max)
+        loops.append(_simulate_record(model, "whole", drive, 0, gap, History("settled")))
+        history_drive = _make_drive((0.0, 1.0, 0.0, 1.0, 0.0), current_max)
+        drive = np.concatenate(
+            [history_drive[:-1], _make_drive((0.0, *MINOR_LOOP_REVERSALS, 0.0), current_max)]
+        )
+        history = History("conditioned", (0.0, current_max, 0.0, current_max, 0.0))
+        loops.append(_simulate_record(model, "nested", drive, history_drive.size - 1, gap, history))
     return Loops(tuple(loops), model.input, model.output, model.schedule)
 
 
-def _drive(turns: Sequence[float], most: float) -> FloatArray:
-    return most * np.append(np.concatenate(drive_ramps(turns, RAMP)), turns[-1])
+def _make_drive(reversals: Sequence[float], current_max: float) -> FloatArray:
+    return current_max * np.append(
+        np.concatenate(make_ramps(reversals, RAMP_SAMPLES)), reversals[-1]
+    )
 
 
-def drive_ramps(turns: Sequence[float], samples: int) -> list[FloatArray]:
+def make_ramps(reversals: Sequence[float], samples: int) -> list[FloatArray]:
     """Return the ramps from each turn to the next, without their ends; samples per unit of travel."""
     return [
         np.linspace(first, last, max(2, round(samples * abs(last - first))), endpoint=False)
-        for first, last in pairwise(turns)
+        for first, last in pairwise(reversals)
     ]
 
 
-def _record(
-    model: Model, label: str, drive: FloatArray, skip: int, gap: float, history: History
+def _simulate_record(
+    model: Model, label: str, drive: FloatArray, first_sample: int, gap: float, history: History
 ) -> Loop:
     """Return a record of a model without its first samples, which are its history."""
-    start = "settled" if history.kind == "settled" else "demagnetised"
-    force = model.predict(drive, gap, slow_times(drive.size), start).output
-    at = np.full(drive.size - skip, gap)
-    return Loop(label, drive[skip:], force[skip:], at, history=history)
+    initial_state = "settled" if history.kind == "settled" else "demagnetised"
+    force = model.predict(drive, gap, slow_times(drive.size), initial_state).output
+    gaps = np.full(drive.size - first_sample, gap)
+    return Loop(label, drive[first_sample:], force[first_sample:], gaps, history=history)

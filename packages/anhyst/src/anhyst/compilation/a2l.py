@@ -10,23 +10,23 @@ from enum import IntEnum
 from typing import Any
 
 from anhyst.compilation.source import render
-from anhyst.support.block_layout import HEAD, MOST_WORDS
-from anhyst.support.block_words import ONES
+from anhyst.support.block_layout import HEAD_WORDS, MAX_BLOCK_WORDS
+from anhyst.support.block_words import CODE_OF_ONE
 from anhyst.support.states import Command, Fault, Phase, State
 from anhyst.support.xcp_map import (
-    AREAS,
-    EVENT,
+    AREA_ADDRESSES,
+    DAQ_LIST_COUNT,
+    EVENT_NAME,
     HEARTBEAT_MS,
     INPUTS,
-    LISTS,
-    PACKET,
+    MAX_PACKET_BYTES,
     SETTINGS,
     SIGNALS,
     XcpValue,
 )
 
-_ONES = {"q31": 2.0**31, "q30": 2.0**30, "integer": 1.0}
-_NAMED: dict[str, type[IntEnum]] = {
+_CODE_OF_ONE = {"q31": 2.0**31, "q30": 2.0**30, "integer": 1.0}
+_ENUMS: dict[str, type[IntEnum]] = {
     "state": State,
     "fault": Fault,
     "phase": Phase,
@@ -55,14 +55,14 @@ _COMMANDS = (
     *("GET_DAQ_RESOLUTION_INFO", "GET_DAQ_EVENT_INFO", "FREE_DAQ", "ALLOC_DAQ", "ALLOC_ODT"),
     "ALLOC_ODT_ENTRY",
 )
-_FIXED = {word.name for word in HEAD} - {"GENERATION"}
+_READ_ONLY_WORDS = {word.name for word in HEAD_WORDS} - {"GENERATION"}
 """Words that no tool may change: what they say of the block is checked, or computed anew."""
 
-_SINGLE_MOST = 3.4028234e38
+_MAX_SINGLE = 3.4028234e38
 
 
 @dataclass(frozen=True)
-class _Method:
+class _Conversion:
     """How a number becomes a quantity: slope*number + offset."""
 
     name: str
@@ -70,69 +70,80 @@ class _Method:
     slope: float
     offset: float = 0.0
 
-    def ends(self, low: float, high: float) -> dict[str, float]:
+    def limits(self, low: float, high: float) -> dict[str, float]:
         """Return the limits of the quantity."""
         first, second = self.slope * low + self.offset, self.slope * high + self.offset
         return {"low": min(first, second), "high": max(first, second)}
 
 
 @dataclass
-class _Methods:
+class _Conversions:
     """Every method once, by what it does."""
 
-    found: dict[tuple[str, float, float], _Method] = field(default_factory=dict)
+    by_content: dict[tuple[str, float, float], _Conversion] = field(default_factory=dict)
 
-    def of(self, unit: str, slope: float, offset: float = 0.0) -> _Method:
+    def get(self, unit: str, slope: float, offset: float = 0.0) -> _Conversion:
         """Return the method; new ones are numbered."""
         key = (unit, slope, offset)
-        return self.found.setdefault(key, _Method(f"m{len(self.found)}", unit, slope, offset))
+        return self.by_content.setdefault(
+            key, _Conversion(f"m{len(self.by_content)}", unit, slope, offset)
+        )
 
 
-def a2l(manifest: Mapping[str, Any]) -> str:
+def make_a2l(manifest: Mapping[str, Any]) -> str:
     """Return the description of a controller in ASAM MCD-2 MC, version 1.6."""
     rate = float(manifest["rate_Hz"])
-    methods = _Methods()
+    conversions = _Conversions()
     measurements = [
-        _described(value, AREAS["signal"] + 4 * number, manifest, methods)
+        _value_entry(value, AREA_ADDRESSES["signal"] + 4 * number, manifest, conversions)
         for number, value in enumerate(SIGNALS)
     ]
-    body = "force" if manifest["controller"] is None else "position"
+    controlled_quantity = "force" if manifest["controller"] is None else "position"
     operation = [
-        _described(_bounded(value, rate), AREAS["setting"] + 4 * number, manifest, methods)
+        _value_entry(
+            _limit_ticks(value, rate), AREA_ADDRESSES["setting"] + 4 * number, manifest, conversions
+        )
         for number, value in enumerate(SETTINGS)
-        if value.body in ("", body)
+        if value.body in ("", controlled_quantity)
     ]
     operation += [
-        _described(_within_reach(value, manifest), AREAS["input"] + 4 * number, manifest, methods)
+        _value_entry(
+            _limit_position(value, manifest),
+            AREA_ADDRESSES["input"] + 4 * number,
+            manifest,
+            conversions,
+        )
         for number, value in enumerate(INPUTS)
-        if value.body in ("", body)
+        if value.body in ("", controlled_quantity)
     ]
-    words = [*_head(methods), *_words(manifest, methods)]
+    words = [*_head_entries(conversions), *_word_entries(manifest, conversions)]
     tables = [
         {
             "name": name,
-            "doc": _plain((kind.__doc__ or "").strip().partition("\n")[0]),
+            "doc": _quotable_text((kind.__doc__ or "").strip().partition("\n")[0]),
             "names": [(member.value, member.name.lower()) for member in kind],
         }
-        for name, kind in _NAMED.items()
+        for name, kind in _ENUMS.items()
     ]
     return render(
         "description.a2l.j2",
         {
             "name": manifest["name"],
-            "title": _plain(f"{manifest['model']['name']}, {manifest['kind']}, {rate:g} Hz"),
+            "title": _quotable_text(
+                f"{manifest['model']['name']}, {manifest['kind']}, {rate:g} Hz"
+            ),
             "version": manifest["anhyst"],
-            "block_at": f"0x{AREAS['block']:08X}",
-            "block_bytes": 2 * MOST_WORDS,
-            "packet": PACKET,
-            "lists": LISTS,
-            "event": EVENT,
+            "block_at": f"0x{AREA_ADDRESSES['block']:08X}",
+            "block_bytes": 2 * MAX_BLOCK_WORDS,
+            "packet": MAX_PACKET_BYTES,
+            "lists": DAQ_LIST_COUNT,
+            "event": EVENT_NAME,
             "units": _UNITS,
-            "stamp": period(rate, 65535),
-            "cycle": period(rate, 255),
+            "stamp": tick_period(rate, 65535),
+            "cycle": tick_period(rate, 255),
             "commands": _COMMANDS,
             "layouts": _LAYOUTS,
-            "methods": methods.found.values(),
+            "methods": conversions.by_content.values(),
             "tables": tables,
             "measurements": measurements,
             "characteristics": operation + words,
@@ -142,57 +153,59 @@ def a2l(manifest: Mapping[str, Any]) -> str:
     )
 
 
-def period(rate: float, most: int) -> tuple[int, int]:
+def tick_period(rate: float, max_count: int) -> tuple[int, int]:
     """Return the period of a tick as a number up to `most`, and the power of ten of ns it counts."""
     for power in range(10):
         ticks = (10 ** (9 - power) + int(rate) // 2) // int(rate)
-        if ticks <= most:
+        if ticks <= max_count:
             return ticks, power
     raise AssertionError(rate)  # pragma: no cover - a second fits
 
 
-def _described(
-    value: XcpValue, at: int, manifest: Mapping[str, Any], methods: _Methods
+def _value_entry(
+    value: XcpValue, address: int, manifest: Mapping[str, Any], conversions: _Conversions
 ) -> dict[str, Any]:
     """Return what stands in the A2L of a value of four bytes."""
     row: dict[str, Any] = {
         "name": value.name,
-        "doc": _plain(value.doc),
-        "at": f"0x{at:08X}",
+        "doc": _quotable_text(value.doc),
+        "at": f"0x{address:08X}",
         "layout": "as_SLONG",
         "entries": 1,
         "read_only": False,
     }
-    if value.name in _NAMED:
-        return row | {"method": value.name, "low": 0, "high": max(_NAMED[value.name])}
-    method = _method(value, manifest, methods)
-    return row | {"method": method.name} | method.ends(value.low, value.high)
+    if value.name in _ENUMS:
+        return row | {"method": value.name, "low": 0, "high": max(_ENUMS[value.name])}
+    conversion = _select_conversion(value, manifest, conversions)
+    return row | {"method": conversion.name} | conversion.limits(value.low, value.high)
 
 
-def _method(value: XcpValue, manifest: Mapping[str, Any], methods: _Methods) -> _Method:
+def _select_conversion(
+    value: XcpValue, manifest: Mapping[str, Any], conversions: _Conversions
+) -> _Conversion:
     """Return what 1 of a value is worth."""
-    step = 1.0 / _ONES[value.format]
+    step = 1.0 / _CODE_OF_ONE[value.format]
     signals = manifest["signals"]
     if value.of == "position":
         controller = manifest["controller"]
         scale = controller["signals"]["position"]["scale"] if controller is not None else 1.0
-        return methods.of("m", scale * step)
+        return conversions.get("m", scale * step)
     if value.of == "gap" and signals["gap"] is not None:
         low, high = signals["gap"]["low"], signals["gap"]["high"]
-        return methods.of(signals["gap"]["unit"], (high - low) * step, low)
+        return conversions.get(signals["gap"]["unit"], (high - low) * step, low)
     if value.of in ("demand", "current"):
-        return methods.of(signals[value.of]["unit"], signals[value.of]["scale"] * step)
-    return methods.of("", step)
+        return conversions.get(signals[value.of]["unit"], signals[value.of]["scale"] * step)
+    return conversions.get("", step)
 
 
-def _bounded(value: XcpValue, rate: float) -> XcpValue:
+def _limit_ticks(value: XcpValue, rate: float) -> XcpValue:
     """Return a setting as the boards limit it."""
     if not value.name.endswith("_ticks"):
         return value
     return value._replace(high=min(value.high, math.ceil(rate * HEARTBEAT_MS / 1000)))
 
 
-def _within_reach(value: XcpValue, manifest: Mapping[str, Any]) -> XcpValue:
+def _limit_position(value: XcpValue, manifest: Mapping[str, Any]) -> XcpValue:
     """Return an input as the controller limits it: a target to the positions that can be."""
     if value.of != "position":
         return value
@@ -200,56 +213,58 @@ def _within_reach(value: XcpValue, manifest: Mapping[str, Any]) -> XcpValue:
     return value._replace(low=settings["position_low"], high=settings["position_high"])
 
 
-def _head(methods: _Methods) -> Iterator[dict[str, Any]]:
-    for word in HEAD:
+def _head_entries(conversions: _Conversions) -> Iterator[dict[str, Any]]:
+    for word in HEAD_WORDS:
         double = word.size == 2
         yield {
             "name": f"block.{word.name.lower()}",
-            "doc": _plain(word.doc),
-            "at": _address(word.at),
+            "doc": _quotable_text(word.doc),
+            "at": _address(word.index),
             "layout": "as_ULONG" if double else "as_UWORD",
             "entries": 1,
-            "read_only": word.name in _FIXED,
-            "method": methods.of("", 1.0).name,
+            "read_only": word.name in _READ_ONLY_WORDS,
+            "method": conversions.get("", 1.0).name,
             "low": 0 if double else word.low,
             "high": 0xFFFFFFFF if double else word.high,
         }
 
 
-def _words(manifest: Mapping[str, Any], methods: _Methods) -> Iterator[dict[str, Any]]:
+def _word_entries(
+    manifest: Mapping[str, Any], conversions: _Conversions
+) -> Iterator[dict[str, Any]]:
     for word in manifest["parameters"]:
         row = {
             "name": f"block.{word['name'].lower()}",
-            "doc": _plain(word["doc"]),
+            "doc": _quotable_text(word["doc"]),
             "at": _address(word["first"]),
             "entries": word["entries"],
             "read_only": False,
         }
         if word["format"] == "single":
-            method = methods.of(word["unit"], 1.0)
+            conversion = conversions.get(word["unit"], 1.0)
             yield (
                 row
-                | {"low": -_SINGLE_MOST, "high": _SINGLE_MOST}
+                | {"low": -_MAX_SINGLE, "high": _MAX_SINGLE}
                 | {
                     "layout": "as_FLOAT32",
                     "entries": 1,
                     "read_only": True,  # what the signals are counted in: a board takes no other
-                    "method": method.name,
+                    "method": conversion.name,
                 }
             )
             continue
-        method = methods.of(word["unit"], word["scale"] / ONES[word["format"]])
+        conversion = conversions.get(word["unit"], word["scale"] / CODE_OF_ONE[word["format"]])
         yield (
             row
-            | method.ends(word["low"], word["high"])
-            | {"layout": "as_SWORD", "method": method.name}
+            | conversion.limits(word["low"], word["high"])
+            | {"layout": "as_SWORD", "method": conversion.name}
         )
 
 
 def _address(word: int) -> str:
-    return f"0x{AREAS['block'] + 2 * word:08X}"
+    return f"0x{AREA_ADDRESSES['block'] + 2 * word:08X}"
 
 
-def _plain(text: str) -> str:
+def _quotable_text(text: str) -> str:
     """Return a text that may stand between quotes."""
     return re.sub(r"[\"\\\s]+", " ", text).strip()

@@ -8,52 +8,60 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from anhyst.compensate.budget import Budget, percent
-from anhyst.compensate.holding import SECONDS
 from anhyst.compensate.measure import BudgetPart
+from anhyst.compensate.output_drift import HOLD_TIME_S
 from anhyst.compensate.plan import Decision, Plan
-from anhyst.support.figures import ALARM, MODEL, WIDTH, styled, svg_text
+from anhyst.support.figures import (
+    ALARM_COLOUR,
+    FIGURE_WIDTH_IN,
+    MODEL_COLOUR,
+    svg_text,
+    use_report_style,
+)
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.page import (
-    NOT_KNOWN,
+    UNKNOWN_TEXT,
     Cell,
     Headline,
     PageTable,
     Picture,
     Section,
     Text,
+    make_table,
     render_page,
-    table,
 )
 
-STEPS = {"q15": 2.0**-15, "q31": 2.0**-31}
+LSB = {"q15": 2.0**-15, "q31": 2.0**-31}
 
 
-def explain(plan: Plan) -> list[Decision]:
+def explain_choices(plan: Plan) -> list[Decision]:
     """Say what was chosen and why, one entry a choice."""
     choices = [
         *_signal_choices(plan),
-        _axis(plan, "gap_segments", "tables over the gap", "straight lines between the gaps"),
+        _axis_choice(
+            plan, "gap_segments", "tables over the gap", "straight lines between the gaps"
+        ),
     ]
     if plan.block.kind == "cells":
-        return [*choices, *_rows(plan), _knee(plan), _start(plan)]
+        return [*choices, *_cell_choices(plan), _root_choice(plan), _start_up_choice(plan)]
     if plan.block.kind == "full":
         choices += [
-            _axis(plan, "curve_segments", "anhysteretic curve and branch", "these tables"),
-            _axis(plan, "inverse_segments", "inverse of the anhysteretic", "this table"),
+            _axis_choice(plan, "curve_segments", "anhysteretic curve and branch", "these tables"),
+            _axis_choice(plan, "inverse_segments", "inverse of the anhysteretic", "this table"),
         ]
     else:
-        choices += _closed_form(plan)
-    return [*choices, _iterations(plan), _knee(plan), _start(plan)]
+        choices += _closed_form_choices(plan)
+    return [*choices, _iteration_choice(plan), _root_choice(plan), _start_up_choice(plan)]
 
 
-def _rows(plan: Plan) -> list[Decision]:
-    tried, cells = dict(plan.found.tried["cells"]), plan.sizes.cells
-    reason = f"so many thresholds cost {_percent(plan, tried[cells])}"
-    if cells - 1 in tried:
-        reason += f"; {cells - 1} would cost {_percent(plan, tried[cells - 1])}"
+def _cell_choices(plan: Plan) -> list[Decision]:
+    errors, cells = dict(plan.search_result.axis_errors["cells"]), plan.sizes.cells
+    reason = f"so many thresholds cost {_percent_text(plan, errors[cells])}"
+    if cells - 1 in errors:
+        reason += f"; {cells - 1} would cost {_percent_text(plan, errors[cells - 1])}"
     return [
         Decision("play cells with a threshold", f"{cells}", reason),
-        _axis(plan, "curve_segments", "row for each number of moving cells", "these tables"),
+        _axis_choice(plan, "curve_segments", "row for each number of moving cells", "these tables"),
     ]
 
 
@@ -62,9 +70,9 @@ def _signal_choices(plan: Plan) -> list[Decision]:
     if io == "f32":
         reason = "24 bits of mantissa: nothing has to be scaled"
         return [Decision("signals", "single precision, SI units", reason)]
-    step = STEPS[io]
+    step = LSB[io]
     rows = [
-        ("demand", scales.demand, plan.largest, model.output.unit),
+        ("demand", scales.demand, plan.reference_output, model.output.unit),
         (
             "current",
             scales.current,
@@ -96,125 +104,127 @@ def _signal_choices(plan: Plan) -> list[Decision]:
     return choices
 
 
-def _axis(plan: Plan, axis: str, name: str, what: str) -> Decision:
+def _axis_choice(plan: Plan, axis: str, name: str, subject: str) -> Decision:
     chosen = getattr(plan.sizes, axis)
-    tried = dict(plan.found.tried[axis])
+    errors = dict(plan.search_result.axis_errors[axis])
     if axis == "gap_segments" and not plan.model.needs_schedule:
         return Decision(name, "constant", "nothing runs over the gap")
-    reason = f"{what} cost {_percent(plan, tried[chosen])}"
-    if chosen - 1 in tried:
-        reason += f"; with {2 ** (chosen - 1)} it would be {_percent(plan, tried[chosen - 1])}"
+    reason = f"{subject} cost {_percent_text(plan, errors[chosen])}"
+    if chosen - 1 in errors:
+        reason += (
+            f"; with {2 ** (chosen - 1)} it would be {_percent_text(plan, errors[chosen - 1])}"
+        )
     return Decision(name, f"{2**chosen} segment{'s' if chosen else ''}", reason)
 
 
-def _closed_form(plan: Plan) -> list[Decision]:
-    law, tried = plan.builder.law, plan.found.tried
+def _closed_form_choices(plan: Plan) -> list[Decision]:
+    law, axis_errors = plan.builder.closed_form, plan.search_result.axis_errors
     sizes = plan.sizes
     choices = [
         Decision(
             "simplified law",
             f"rate {law.rate:.4g}, nu {law.nu:.4g}",
             f"fitted in {plan.model.output.name.replace('_', ' ')} to what the model does over "
-            f"its range; worst {_percent(plan, law.worst)} over settled triangles",
+            f"its range; worst {_percent_text(plan, law.max_error)} over settled triangles",
         )
     ]
     if plan.block.kind == "simplified":
-        cost = max(dict(tried["octaves"])[sizes.octaves], 0.0)
-        fine = max(dict(tried["octave_segments"])[sizes.octave_segments], 0.0)
+        octave_error = max(dict(axis_errors["octaves"])[sizes.octaves], 0.0)
+        segment_error = max(dict(axis_errors["octave_segments"])[sizes.octave_segments], 0.0)
         choices.append(
             Decision(
                 "closed form",
                 f"{sizes.octaves} octaves of {2**sizes.octave_segments} segments",
-                f"so few octaves cost {_percent(plan, cost)}, so few segments "
-                f"{_percent(plan, fine)}: the curve is sharp at its start and flat far out",
+                f"so few octaves cost {_percent_text(plan, octave_error)}, so few segments "
+                f"{_percent_text(plan, segment_error)}: the curve is sharp at its start and flat far out",
             )
         )
     return choices
 
 
-def _iterations(plan: Plan) -> Decision:
-    what = "a solve" if plan.block.kind == "full" else "a commit that differs from the solve"
+def _iteration_choice(plan: Plan) -> Decision:
+    subject = "a solve" if plan.block.kind == "full" else "a commit that differs from the solve"
     return Decision(
         "iterations",
-        f"{plan.sizes.iterations} in {what}",
+        f"{plan.sizes.iterations} in {subject}",
         "one more than the fewest that are as good as many, full-range jumps and lost currents "
         "included; at most so many, since a search ends where its tangents lead to the target",
     )
 
 
-def _knee(plan: Plan) -> Decision:
+def _root_choice(plan: Plan) -> Decision:
     k = plan.sizes.root_knee
     if plan.model.power != 2:
         return Decision("root", "none", "the output is proportional to the flux")
-    below = plan.block.scales.demand * 4.0**-k
+    knee = plan.block.scales.demand * 4.0**-k
     unit = plan.model.output.unit
     return Decision(
         "root near zero",
-        f"straight below {below:.3g} {unit}",
+        f"straight below {knee:.3g} {unit}",
         f"the root's infinite slope would turn the last bit of a demand into a jump of current; "
-        f"costs at most {_percent(plan, below / 4.0)} there",
+        f"costs at most {_percent_text(plan, knee / 4.0)} there",
     )
 
 
-def _start(plan: Plan) -> Decision:
-    start = plan.start
-    cycles = start.conditioning.cycles
+def _start_up_choice(plan: Plan) -> Decision:
+    start_up = plan.start_up
+    cycles = start_up.conditioning.cycles
     return Decision(
         "start-up",
-        f"{cycles} triangle{'s' * (cycles > 1)} of current in {start.seconds:g} s",
+        f"{cycles} triangle{'s' * (cycles > 1)} of current in {start_up.seconds:g} s",
         "whatever the iron remembers at first, afterwards at most "
-        f"{_percent(plan, start.remaining)} of it are left",
+        f"{_percent_text(plan, start_up.remaining_difference)} of it are left",
     )
 
 
-def _percent(plan: Plan, value: float) -> str:
-    return f"{100.0 * value / plan.largest:.2g} %"
+def _percent_text(plan: Plan, value: float) -> str:
+    return f"{100.0 * value / plan.reference_output:.2g} %"
 
 
-ROW = 2.1  # inches
-POINTS = 1200
+PANEL_HEIGHT_IN = 2.1  # inches
+MAX_PLOT_POINTS = 1200
 """Drawn of a path; the largest of each stretch, so that no peak is lost."""
 
 
-def budget_page(
+def make_budget_page(
     plan: Plan, budget: Budget, choices: Sequence[Decision], signals: Sequence[str], version: str
 ) -> str:
     """Return the page of a budget; `signals` says what their codes mean, a line each."""
     worst, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
     text = f"Compiled, the output is within {worst:.2g} % of what the model would give"
-    if budget.wanted is not None:
-        text += f"; {percent(budget, budget.wanted):.3g} % was asked for"
+    if budget.required is not None:
+        text += f"; {percent(budget, budget.required):.3g} % was asked for"
     head = Headline(
         title=f"{plan.model.name}: {plan.block.kind}, {plan.request.io}",
-        what=f"{text}. Held, it drifts by {drift:.2g} % in {SECONDS:g} s.",
+        description=f"{text}. Held, it drifts by {drift:.2g} % in {HOLD_TIME_S:g} s.",
         basis="",
         notes=(),
         tiles=(),
         comparison=None,
-        holds=f"Per cent are of the largest demand, {budget.largest:.4g} {budget.unit}. Every "
+        validity=f"Per cent are of the largest demand, {budget.reference_output:.4g} {budget.unit}. Every "
         "figure is measured: the currents of the compensator go through the model in double "
         "precision, and what comes out is compared with what was demanded.",
     )
     sections = (
-        Section("parts", "What each step costs", (_parts(budget),)),
-        Section("paths", "Deviation along the paths", _along(budget)),
-        Section("held", "Demands that are held", (_held(budget),)),
-        Section("choices", "What was chosen, and why", _choices(plan, choices)),
-        Section("signals", "Signals", (_signals(signals),)),
+        Section("parts", "What each step costs", (_parts_table(budget),)),
+        Section("paths", "Deviation along the paths", _path_section(budget)),
+        Section("held", "Demands that are held", (_held_table(budget),)),
+        Section("choices", "What was chosen, and why", _choice_section(plan, choices)),
+        Section("signals", "Signals", (_signal_table(signals),)),
     )
     return render_page(head, sections, version, kind="Accuracy budget", source="the model file")
 
 
-def _parts(budget: Budget) -> PageTable:
+def _parts_table(budget: Budget) -> PageTable:
     """Each part switched on alone, everything else exact; then the sums."""
     sums = budget.compiled, budget.total, budget.drift
     largest = max(part.worst or 0.0 for part in (*budget.parts, *sums))
 
     def row(part: BudgetPart) -> list[Cell]:
         def share(value: float | None) -> str:
-            return NOT_KNOWN if value is None else f"{percent(budget, value):#.2g}"
+            return UNKNOWN_TEXT if value is None else f"{percent(budget, value):#.2g}"
 
-        worst = NOT_KNOWN if part.worst is None else f"{part.worst:.3g}"
+        worst = UNKNOWN_TEXT if part.worst is None else f"{part.worst:.3g}"
         return [
             Cell(part.title, strong=part in sums),
             Cell(part.note),
@@ -223,7 +233,7 @@ def _parts(budget: Budget) -> PageTable:
             Cell(share(part.rms)),
         ]
 
-    return table(
+    return make_table(
         "Parts and sums",
         ["part", "what was switched on", f"worst [{budget.unit}]", "worst [%]", "rms [%]"],
         [row(part) for part in (*budget.parts, *sums)],
@@ -232,7 +242,7 @@ def _parts(budget: Budget) -> PageTable:
     )
 
 
-def _along(budget: Budget) -> tuple[Picture, PageTable]:
+def _path_section(budget: Budget) -> tuple[Picture, PageTable]:
     rows = [
         [
             run.path.title,
@@ -243,15 +253,15 @@ def _along(budget: Budget) -> tuple[Picture, PageTable]:
         for run, error in budget.runs
     ]
     shown = Picture(
-        svg_text(_figure(budget), "paths"),
+        svg_text(_draw_deviations(budget), "paths"),
         "Deviation of the output from the demand along each path",
         "Everything that compiling adds is switched on. Where the current stands at a limit, only "
         "deviations to the wrong side count.",
     )
-    return shown, table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
+    return shown, make_table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
 
 
-def _held(budget: Budget) -> PageTable:
+def _held_table(budget: Budget) -> PageTable:
     rows = [
         [
             path.title,
@@ -259,9 +269,9 @@ def _held(budget: Budget) -> PageTable:
             f"{path.seconds:g}",
             f"{percent(budget, path.drift):.2g}",
         ]
-        for path in budget.held
+        for path in budget.held_demands
     ]
-    return table(
+    return make_table(
         "Every movement",
         ["while", f"demand [{budget.unit}]", "time [s]", "drift [%]"],
         rows,
@@ -271,37 +281,39 @@ def _held(budget: Budget) -> PageTable:
     )
 
 
-def _choices(plan: Plan, choices: Sequence[Decision]) -> tuple[PageTable, Text]:
+def _choice_section(plan: Plan, choices: Sequence[Decision]) -> tuple[PageTable, Text]:
     rows = [[choice.name, choice.value, choice.reason] for choice in choices]
     size = f"Altogether {plan.block.size} bytes of parameters."
-    return table("Every choice", ["what", "chosen", "because"], rows, texts=3), Text(size)
+    return make_table("Every choice", ["what", "chosen", "because"], rows, texts=3), Text(size)
 
 
-def _signals(signals: Sequence[str]) -> PageTable:
+def _signal_table(signals: Sequence[str]) -> PageTable:
     lines = [line.partition(" ") for line in signals]
-    return table(
+    return make_table(
         "", ["signal", "meaning"], [[name, text.strip()] for name, _, text in lines], "", 2
     )
 
 
-@styled
-def _figure(budget: Budget) -> Figure:
+@use_report_style
+def _draw_deviations(budget: Budget) -> Figure:
     """Draw the deviation along each path."""
     rows = -(-len(budget.runs) // 2)
     # Panels that are all alike need no search for room, which took a fifth of compiling.
-    figure = Figure((WIDTH, ROW * rows))
-    figure.subplots_adjust(0.1, 0.5 / (ROW * rows), 0.99, 1.0 - 0.3 / (ROW * rows), 0.08, 0.65)
+    figure = Figure((FIGURE_WIDTH_IN, PANEL_HEIGHT_IN * rows))
+    figure.subplots_adjust(
+        0.1, 0.5 / (PANEL_HEIGHT_IN * rows), 0.99, 1.0 - 0.3 / (PANEL_HEIGHT_IN * rows), 0.08, 0.65
+    )
     axes = figure.subplots(rows, 2, squeeze=False, sharey=True).ravel().tolist()
     for ax in axes[len(budget.runs) :]:
         ax.remove()
     for ax, (run, error) in zip(axes, budget.runs, strict=False):
         at, low, high = _envelope(percent(budget, 1.0) * error)
-        ax.fill_between(at, low, high, color=MODEL, linewidth=0.6, edgecolor=MODEL)
+        ax.fill_between(at, low, high, color=MODEL_COLOUR, linewidth=0.6, edgecolor=MODEL_COLOUR)
         ax.set_title(run.path.title)
         ax.set_xlabel("sample")
-        if budget.wanted is not None:
-            for bound in (-percent(budget, budget.wanted), percent(budget, budget.wanted)):
-                ax.axhline(bound, color=ALARM, linewidth=0.8, dashes=(4, 3))
+        if budget.required is not None:
+            for bound in (-percent(budget, budget.required), percent(budget, budget.required)):
+                ax.axhline(bound, color=ALARM_COLOUR, linewidth=0.8, dashes=(4, 3))
     for ax in axes[0 : len(budget.runs) : 2]:
         ax.set_ylabel("deviation, %")
     return figure
@@ -309,6 +321,6 @@ def _figure(budget: Budget) -> Figure:
 
 def _envelope(error: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return places, lowest and highest value of stretches of equal length."""
-    edges = np.unique(np.linspace(0, error.size, min(POINTS, error.size) + 1).astype(int))
+    edges = np.unique(np.linspace(0, error.size, min(MAX_PLOT_POINTS, error.size) + 1).astype(int))
     low, high = (np.asarray(f.reduceat(error, edges[:-1])) for f in (np.minimum, np.maximum))
     return edges[:-1].astype(np.float64), low, high

@@ -15,18 +15,18 @@ from typing import Any
 from anhyst._core import POSITION_MAGNETS
 from anhyst.compensate.block import Block, DemandLimits
 from anhyst.compensate.budget import Budget, percent
-from anhyst.compensate.holding import SECONDS
+from anhyst.compensate.output_drift import HOLD_TIME_S
 from anhyst.compensate.plan import Decision, Plan
-from anhyst.compilation.controller import ControllerPlan, described
+from anhyst.compilation.controller import ControllerPlan, controller_entry
 from anhyst.compilation.toolchain import read_core
 from anhyst.model.actuator import Model
-from anhyst.support.atomic import PathLike, as_bytes, json_text, whole_folder, write_files
-from anhyst.support.block_layout import BODY
-from anhyst.support.block_words import Names, Scales
+from anhyst.support.atomic import PathLike, atomic_folder, json_text, to_bytes, write_files
+from anhyst.support.block_layout import BODY_WORDS
+from anhyst.support.block_words import Scales, SignalUnits
 from anhyst.support.errors import InputError
 from anhyst.support.result import Result
 
-CELLS = 12
+MAX_CELLS = 12
 """``ANHYST_CELLS``: plays of the law of cells that a compensator has room for."""
 
 
@@ -34,8 +34,8 @@ def state_bytes(block: Block) -> int:
     """Return the size of everything that changes."""
     suffix = "" if block.is_fixed else "_x"
     sizes = _state_sizes()
-    deeper = sizes[f"anhyst_deeper{suffix}"] * (block.memories - 1)
-    return sizes[f"anhyst_compensator{suffix}"] + deeper
+    further_memories = sizes[f"anhyst_deeper{suffix}"] * (block.memory_count - 1)
+    return sizes[f"anhyst_compensator{suffix}"] + further_memories
 
 
 def controller_bytes(magnets: int, block: Block) -> int:
@@ -45,17 +45,19 @@ def controller_bytes(magnets: int, block: Block) -> int:
         *("compensator/compensator.h", "compensator/force_controller.h"),
     )
     generic = ("compensator/generic/force_controller.h", "control/generic/position.h")
-    sizes = _structures(
+    sizes = _structure_sizes(
         *(read_core(f"include/anhyst/{name}") for name in headers),
-        *(_in_q31(read_core(f"include/anhyst/{name}")) for name in generic),
+        *(_as_q31_header(read_core(f"include/anhyst/{name}")) for name in generic),
         MAGNETS=POSITION_MAGNETS,
-        CELLS=CELLS,
+        CELLS=MAX_CELLS,
     )
-    deeper = sizes["anhyst_deeper"] * (block.memories - 1)
-    return sizes["anhyst_position_q31"] + magnets * (sizes["anhyst_force_controller_q31"] + deeper)
+    further_memories = sizes["anhyst_deeper"] * (block.memory_count - 1)
+    return sizes["anhyst_position_q31"] + magnets * (
+        sizes["anhyst_force_controller_q31"] + further_memories
+    )
 
 
-def _in_q31(text: str) -> str:
+def _as_q31_header(text: str) -> str:
     """Return the structures of a generic header as they are in fixed point."""
     return re.sub(r"\b(anhyst_\w+)_x\b", r"\1_q31", text).replace("ANHYST_REAL", "int32_t")
 
@@ -65,24 +67,27 @@ def _state_sizes() -> dict[str, int]:
     """Return the sizes of structures in fixed point, and in single precision by names in ``_x``."""
     headers = "compensator.h", "generic/compensator.h"
     texts = [read_core(f"include/anhyst/compensator/{name}") for name in headers]
-    return _structures(*texts, CELLS=CELLS)
+    return _structure_sizes(*texts, CELLS=MAX_CELLS)
 
 
-def _structures(*texts: str, **numbers: int) -> dict[str, int]:
+def _structure_sizes(*texts: str, **numbers: int) -> dict[str, int]:
     """Size structures and unions, short members at the end, each a multiple of four bytes."""
     sizes = {"int32_t": 4, "uint16_t": 2, "int16_t": 2, "ANHYST_REAL": 4}
     for text in texts:
-        plain = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
-        sizes |= {name: sizes[same] for same, name in re.findall(r"typedef (\w+) (\w+);", plain)}
-        each = re.findall(r"typedef (struct|union) (?:\w+ )?\{([^}]*)\} (\w+);", plain)
-        for kind, members, name in each:
-            each_size = _members(members, sizes, numbers)
-            size = max(each_size) if kind == "union" else sum(each_size)
+        uncommented = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+        sizes |= {
+            name: sizes[original]
+            for original, name in re.findall(r"typedef (\w+) (\w+);", uncommented)
+        }
+        definitions = re.findall(r"typedef (struct|union) (?:\w+ )?\{([^}]*)\} (\w+);", uncommented)
+        for kind, members, name in definitions:
+            sizes_of_members = _member_sizes(members, sizes, numbers)
+            size = max(sizes_of_members) if kind == "union" else sum(sizes_of_members)
             sizes[name] = -(-size // 4) * 4
     return sizes
 
 
-def _members(text: str, sizes: dict[str, int], numbers: dict[str, int]) -> Iterator[int]:
+def _member_sizes(text: str, sizes: dict[str, int], numbers: dict[str, int]) -> Iterator[int]:
     for kind, pointer, count in re.findall(
         r"(?:const )?(\w+)\s+(\*?)\w+(?:\[(?:ANHYST_(?:POSITION_)?)?(\w+)\])?;", text
     ):
@@ -90,10 +95,10 @@ def _members(text: str, sizes: dict[str, int], numbers: dict[str, int]) -> Itera
         yield (4 if pointer else sizes.get(kind, 0)) * times
 
 
-VERSION = 2
+MANIFEST_VERSION = 2
 
 
-def manifest(
+def make_manifest(
     plan: Plan,
     budget: Budget,
     choices: Iterable[Decision],
@@ -104,7 +109,7 @@ def manifest(
     """Return the manifest without the list of files."""
     block, request = plan.block, plan.request
     return {
-        "format": VERSION,
+        "format": MANIFEST_VERSION,
         "anhyst": version,
         "name": plan.name,
         "model": {"name": plan.model.name, "sha256": sha256},
@@ -114,29 +119,29 @@ def manifest(
         "signals": signal_entries(request.io, plan.model, block.scales, block.limits),
         "limits": {"demand": list(block.limits.demand), "current": list(block.limits.current)},
         "memory": {"parameters_bytes": block.size, "state_bytes": state_bytes(block)},
-        "parameters": list(_words(plan, block)),
-        "controller": None if controller is None else _controller(controller),
-        "conditioning": _conditioning(plan),
-        "accuracy": _accuracy(budget),
+        "parameters": list(_word_entries(plan, block)),
+        "controller": None if controller is None else _controller_entry(controller),
+        "conditioning": _conditioning_entry(plan),
+        "accuracy": _accuracy_entry(budget),
         "plan": {choice.name: f"{choice.value}: {choice.reason}" for choice in choices},
     }
 
 
-def _controller(controller: ControllerPlan) -> dict[str, Any]:
-    return described(controller) | {
+def _controller_entry(controller: ControllerPlan) -> dict[str, Any]:
+    return controller_entry(controller) | {
         "state_bytes": controller_bytes(controller.magnets, controller.block)
     }
 
 
-def _words(plan: Plan, block: Block) -> Iterator[dict[str, Any]]:
+def _word_entries(plan: Plan, block: Block) -> Iterator[dict[str, Any]]:
     """Describe every word behind the head, as the comments of the C do."""
-    names = Names(plan.model.output.unit, plan.model.input.unit)
-    for word in BODY[block.kind]:
-        unit = block.unit(word, names)
-        first, entries = block.tables.get(word.name, (word.at, word.size))
+    names = SignalUnits(plan.model.output.unit, plan.model.input.unit)
+    for word in BODY_WORDS[block.kind]:
+        unit = block.word_unit(word, names)
+        first, entries = block.tables.get(word.name, (word.index, word.size))
         yield {
             "name": word.name,
-            "word": word.at,
+            "word": word.index,
             "first": first,
             "entries": entries,
             "format": word.format if block.is_fixed else plan.request.io,
@@ -148,17 +153,17 @@ def _words(plan: Plan, block: Block) -> Iterator[dict[str, Any]]:
         }
 
 
-def _conditioning(plan: Plan) -> dict[str, Any]:
-    start = plan.start
+def _conditioning_entry(plan: Plan) -> dict[str, Any]:
+    start = plan.start_up
     return {
         "cycles": start.conditioning.cycles,
         "ticks": start.conditioning.ramp_ticks,
         "seconds": start.seconds,
-        "remaining_percent": 100.0 * start.remaining / plan.largest,
+        "remaining_percent": 100.0 * start.remaining_difference / plan.reference_output,
     }
 
 
-def _accuracy(budget: Budget) -> dict[str, Any]:
+def _accuracy_entry(budget: Budget) -> dict[str, Any]:
     compiled, total = budget.compiled, budget.total
     assert compiled.worst is not None
     assert compiled.rms is not None
@@ -166,20 +171,20 @@ def _accuracy(budget: Budget) -> dict[str, Any]:
     assert budget.drift.worst is not None
     return {
         "unit": budget.unit,
-        "largest_output": budget.largest,
-        "wanted_percent": None if budget.wanted is None else percent(budget, budget.wanted),
+        "largest_output": budget.reference_output,
+        "wanted_percent": None if budget.required is None else percent(budget, budget.required),
         "worst": compiled.worst,
         "worst_percent": percent(budget, compiled.worst),
         "rms_percent": percent(budget, compiled.rms),
         "total_worst_percent": percent(budget, total.worst),
         "drift_percent": percent(budget, budget.drift.worst),
-        "drift_seconds": SECONDS,
+        "drift_seconds": HOLD_TIME_S,
     }
 
 
 def signal_entries(io: str, model: Model, scales: Scales, limits: DemandLimits) -> dict[str, Any]:
     """Return what the manifest says of the signals; nothing of a gap where none counts."""
-    ends = {
+    ranges = {
         "demand": (model.output, *limits.demand, scales.demand),
         "current": (model.input, *limits.current, scales.current),
         "gap": (model.schedule, scales.gap_low, scales.gap_high, scales.gap_high),
@@ -193,13 +198,13 @@ def signal_entries(io: str, model: Model, scales: Scales, limits: DemandLimits) 
             "scale": scale,
             "format": io,
         }
-        for signal, (quantity, low, high, scale) in ends.items()
+        for signal, (quantity, low, high, scale) in ranges.items()
     }  # fmt: skip
 
 
-MANIFEST = "manifest.json"
-FORMAT = "anhyst-compiled"
-REPORTS = ("verify.json", "verify.md")
+MANIFEST_FILE = "manifest.json"
+PRODUCT = "anhyst-compiled"
+REPORT_FILES = ("verify.json", "verify.md")
 """What ``anhyst verify`` adds; it goes with the C that it is about."""
 
 
@@ -221,7 +226,7 @@ def check_folder(out: PathLike) -> None:
     target = Path(os.path.realpath(out))
     if target.exists() and not target.is_dir():
         raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
-    if target.is_dir() and any(target.iterdir()) and not _is_ours(target):
+    if target.is_dir() and any(target.iterdir()) and not _is_compiled_folder(target):
         text = f"{out}: holds files that anhyst compile has not written; name another folder"
         raise InputError(text, code="folder-holds-other-files")
     if not target.parent.is_dir():
@@ -232,13 +237,13 @@ def check_folder(out: PathLike) -> None:
         )
 
 
-def _is_ours(folder: Path) -> bool:
+def _is_compiled_folder(folder: Path) -> bool:
     """Whether every file there is in the manifest there, or a report on the C that stood there."""
     try:
-        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-        ours = {MANIFEST, *REPORTS, *manifest["files"]}
+        manifest = json.loads((folder / MANIFEST_FILE).read_text(encoding="utf-8"))
+        listed = {MANIFEST_FILE, *REPORT_FILES, *manifest["files"]}
         files = {path for path in folder.rglob("*") if not path.is_dir()}
-        return manifest["product"] == FORMAT and files <= {folder / name for name in ours}
+        return manifest["product"] == PRODUCT and files <= {folder / name for name in listed}
     except (OSError, ValueError, KeyError, TypeError):
         return False
 
@@ -248,8 +253,8 @@ def write_folder(
 ) -> None:
     """Write all files of a folder, or none."""
     check_folder(out)
-    contents = {name: as_bytes(content) for name, content in files.items()}
+    contents = {name: to_bytes(content) for name, content in files.items()}
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
-    complete = {"product": FORMAT, **manifest, "files": dict(sorted(hashes.items()))}
-    with whole_folder(out, replace=True) as draft:
-        write_files(draft, {**files, MANIFEST: json_text(complete)})
+    complete = {"product": PRODUCT, **manifest, "files": dict(sorted(hashes.items()))}
+    with atomic_folder(out, replace=True) as draft:
+        write_files(draft, {**files, MANIFEST_FILE: json_text(complete)})

@@ -9,40 +9,46 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from anhyst.compensate.budget import (
-    REASON,
+    ADVICE,
     Budget,
-    as_dict,
-    culprit,
-    drift_refusal,
-    is_held,
-    is_reached,
-    keeps_allowance,
+    accuracy_error,
+    budget_dict,
+    drift_error,
+    explain_drift,
+    is_accuracy_reached,
+    is_drift_allowed,
+    is_within_allowance,
+    largest_part,
     measure_budget,
     percent,
-    refusal,
-    why_drifting,
 )
 from anhyst.compensate.force_controller import Io
-from anhyst.compensate.plan import ACCURACY, CompileRequest, Plan, make_plan, not_computed
-from anhyst.compilation.a2l import a2l
-from anhyst.compilation.budget_page import budget_page, explain
-from anhyst.compilation.controller import Controller, read_fitting
+from anhyst.compensate.plan import (
+    DEFAULT_ACCURACY_PERCENT,
+    CompileRequest,
+    Plan,
+    make_plan,
+    not_computed_error,
+)
+from anhyst.compilation.a2l import make_a2l
+from anhyst.compilation.budget_page import explain_choices, make_budget_page
+from anhyst.compilation.controller import CheckedController, read_checked_controller
 from anhyst.compilation.manifest import (
-    MANIFEST,
+    MANIFEST_FILE,
     CompiledFolder,
     check_folder,
-    manifest,
+    make_manifest,
     write_folder,
 )
-from anhyst.compilation.packages import check_package, package_files
+from anhyst.compilation.packages import check_package, make_package_files
 from anhyst.compilation.play import CompiledPlay, compile_play
-from anhyst.compilation.source import example_values, signal_lines, sources
+from anhyst.compilation.source import example_values, make_sources, signal_lines
 from anhyst.compilation.vectors import (
     COLUMNS,
     LEVITATION_COLUMNS,
-    golden_vectors,
-    levitation_vectors,
-    vectors_csv,
+    make_golden_vectors,
+    make_levitation_vectors,
+    write_vectors_csv,
 )
 from anhyst.control.controller_file import read_controller
 from anhyst.model.actuator import Model, read_model
@@ -50,13 +56,13 @@ from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, json_text
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
-from anhyst.support.result import columns_of
+from anhyst.support.result import rows_to_columns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-SHARES = (1.0, 0.7, 0.4)
+ALLOWANCE_SHARES = (1.0, 0.7, 0.4)
 """Of the allowance that a plan may use up, one try after the other."""
 
 
@@ -89,21 +95,21 @@ class Compiled(CompiledFolder):
         """What a user should know, one sentence each; mostly nothing."""
         notes = list(self.left_out)
         page = next(name for name in self.files if name.endswith("budget.html"))
-        if not keeps_allowance(self.plan, self.budget):
+        if not is_within_allowance(self.plan, self.budget):
             notes.append(
-                f"formats and tables cost more than the {ACCURACY:g} % of the largest output that "
-                f"is usual: {REASON[culprit(self.budget).name]}; {self.out / page} shows "
+                f"formats and tables cost more than the {DEFAULT_ACCURACY_PERCENT:g} % of the largest output that "
+                f"is usual: {ADVICE[largest_part(self.budget).name]}; {self.out / page} shows "
                 "how much"
             )
-        if not is_held(self.plan, self.budget):
-            notes.append(why_drifting(self.plan, self.budget))
+        if not is_drift_allowed(self.plan, self.budget):
+            notes.append(explain_drift(self.plan, self.budget))
         return tuple(notes)
 
     def facts(self) -> dict[str, str]:
         """Return where it is, what it is, and how accurate."""
         request, budget = self.plan.request, self.budget
         worst, drift = (
-            f"{percent(budget, part.worst or 0.0):.2g} % of {budget.largest:.4g} {budget.unit}"
+            f"{percent(budget, part.worst or 0.0):.2g} % of {budget.reference_output:.4g} {budget.unit}"
             for part in (budget.compiled, budget.drift)
         )
         facts = {"folder": str(self.out), "kind": request.kind, "signals": request.io}
@@ -112,7 +118,7 @@ class Compiled(CompiledFolder):
 
     def to_columns(self) -> dict[str, Any]:
         """Return the accuracy budget, in units of the output and in per cent of the largest."""
-        return columns_of(as_dict(self.budget)["parts"])
+        return rows_to_columns(budget_dict(self.budget)["parts"])
 
     def draw(self, ax: Axes) -> None:
         """Draw the accuracy budget: what each part costs."""
@@ -123,7 +129,7 @@ class Compiled(CompiledFolder):
         ax.barh(places, [percent(budget, part.rms or 0.0) for part in parts], height=0.5)
         ax.set_yticks(places, [part.title for part in parts])
         ax.invert_yaxis()
-        ax.set_xlabel(f"worst and rms, % of {budget.largest:.4g} {budget.unit}")
+        ax.set_xlabel(f"worst and rms, % of {budget.reference_output:.4g} {budget.unit}")
 
 
 def compile_model(
@@ -138,73 +144,83 @@ def compile_model(
     check_package(package)
     check_folder(out)
     model = read_model(model_path)
-    model, late = compilable(model, request)
+    model, omissions = select_compilable(model, request)
     controller = None
     if controller_path is not None:
-        controller = read_fitting(controller_path, request, model_path)
+        controller = read_checked_controller(controller_path, request, model_path)
         controller.check_current(model)
     sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
     try:
-        plan, budget = _planned(model, request, int(sha256[:8], 16), controller, progress)
+        plan, budget = _plan_within_allowance(
+            model, request, int(sha256[:8], 16), controller, progress
+        )
     except InputError as error:
-        raise error.at(model_path) from error
+        raise error.with_location(model_path) from error
     except NegativeResult as error:
-        raise not_computed(error).at(model_path) from error
-    if not is_reached(budget):
-        raise refusal(budget, _better(model, plan, controller))
-    if request.accuracy is not None and request.kind == "full" and not is_held(plan, budget):
-        raise drift_refusal(plan, budget)
-    costs, accuracy = as_dict(budget), _accuracy(budget)
+        raise not_computed_error(error).with_location(model_path) from error
+    if not is_accuracy_reached(budget):
+        raise accuracy_error(budget, _find_better_options(model, plan, controller))
+    if (
+        request.accuracy is not None
+        and request.kind == "full"
+        and not is_drift_allowed(plan, budget)
+    ):
+        raise drift_error(plan, budget)
+    budget_entry, accuracy = budget_dict(budget), _guide_accuracy(budget)
     version = running_version()
-    around = None if controller is None else controller.around(plan)
-    signals, values = signal_lines(plan), example_values(plan, sha256, version, around)
-    choices = explain(plan)
+    controller_plan = None if controller is None else controller.make_controller_plan(plan)
+    signals, values = signal_lines(plan), example_values(plan, sha256, version, controller_plan)
+    choices = explain_choices(plan)
     files = {
-        **sources(plan, values, accuracy, signals, around),
-        "vectors.csv": vectors_csv(COLUMNS, golden_vectors(plan)),
-        "budget.json": json_text(costs),
-        "budget.html": budget_page(plan, budget, choices, signals, version),
+        **make_sources(plan, values, accuracy, signals, controller_plan),
+        "vectors.csv": write_vectors_csv(COLUMNS, make_golden_vectors(plan)),
+        "budget.json": json_text(budget_entry),
+        "budget.html": make_budget_page(plan, budget, choices, signals, version),
     }
-    if around is not None:
-        files["controller.csv"] = vectors_csv(LEVITATION_COLUMNS, levitation_vectors(plan, around))
-    described = manifest(plan, budget, choices, sha256, version, around)
+    if controller_plan is not None:
+        files["controller.csv"] = write_vectors_csv(
+            LEVITATION_COLUMNS, make_levitation_vectors(plan, controller_plan)
+        )
+    manifest_entry = make_manifest(plan, budget, choices, sha256, version, controller_plan)
     if request.io != "f32":  # a firmware computes in fixed point
-        files[f"{plan.name}.a2l"] = a2l(described)
-    packed = package_files(package, files, described, values)
-    described |= {} if package is None else {"package": package}
-    write_folder(out, packed, described)
-    return Compiled(Path(out), described, (*packed, MANIFEST), plan, budget, late)
+        files[f"{plan.name}.a2l"] = make_a2l(manifest_entry)
+    output_files = make_package_files(package, files, manifest_entry, values)
+    manifest_entry |= {} if package is None else {"package": package}
+    write_folder(out, output_files, manifest_entry)
+    return Compiled(
+        Path(out), manifest_entry, (*output_files, MANIFEST_FILE), plan, budget, omissions
+    )
 
 
-def compilable(model: Model, request: CompileRequest) -> tuple[Model, tuple[str, ...]]:
+def select_compilable(model: Model, request: CompileRequest) -> tuple[Model, tuple[str, ...]]:
     """Return what of a model is compiled, and say what is not."""
     if model.has_lag or (model.has_layers and request.kind == "full"):
-        return model, not_compiled(model, layers=True)
-    return model.at_rest, not_compiled(model)
+        return model, list_omissions(model, has_layers=True)
+    return model.at_rest, list_omissions(model)
 
 
-def not_compiled(model: Model, *, layers: bool = False) -> tuple[str, ...]:
+def list_omissions(model: Model, *, has_layers: bool = False) -> tuple[str, ...]:
     """Say what comes late and is left to what stands around the compensator."""
-    late, notes = model.dynamics, []
-    if model.has_eddy_currents and not layers:
-        better = "; --kind full has it" if model.has_layers else ""
+    dynamics, notes = model.dynamics, []
+    if model.has_eddy_currents and not has_layers:
+        alternative = "; --kind full has it" if model.has_layers else ""
         notes.append(
             "how late solid iron answers (gamma) is not compiled: fast demands are met as slow ones "
-            f"are, and anhyst predict with column t_s says what that leaves{better}"
+            f"are, and anhyst predict with column t_s says what that leaves{alternative}"
         )
-    if late is not None and late.lag > 0.0:
+    if dynamics is not None and dynamics.lag > 0.0:
         notes.append(
-            f"the lag of {late.lag:.3g} s is not compiled: give the demand so much earlier"
+            f"the lag of {dynamics.lag:.3g} s is not compiled: give the demand so much earlier"
         )
-    if late is not None and late.times:
+    if dynamics is not None and dynamics.times:
         notes.append(
-            f"creep is not compiled: {100.0 * sum(late.shares):.2g} % of a step, within "
-            f"{max(late.times):.3g} s, is left to the feedback"
+            f"creep is not compiled: {100.0 * sum(dynamics.shares):.2g} % of a step, within "
+            f"{max(dynamics.times):.3g} s, is left to the feedback"
         )
     return tuple(notes)
 
 
-def _accuracy(budget: Budget) -> dict[str, str]:
+def _guide_accuracy(budget: Budget) -> dict[str, str]:
     """Return what the drop-in guide says of the accuracy, per cent of the largest output."""
     return {
         name: f"{percent(budget, part.worst or 0.0):.2g}"
@@ -212,48 +228,51 @@ def _accuracy(budget: Budget) -> dict[str, str]:
     }
 
 
-def _better(model: Model, plan: Plan, controller: Controller | None) -> str:
+def _find_better_options(model: Model, plan: Plan, controller: CheckedController | None) -> str:
     """Return the options that reach an accuracy which those of a plan do not; empty if none do."""
     compensator = plan.request
     tries: list[tuple[str, CompileRequest]] = []
     if compensator.kind != "full":
         tries.append(("--kind full", replace(compensator, kind="full")))
     elif controller is None:
-        finer: dict[Io, tuple[Io, ...]] = {"q15": ("q31", "f32"), "q31": ("f32",)}
+        finer_formats: dict[Io, tuple[Io, ...]] = {"q15": ("q31", "f32"), "q31": ("f32",)}
         tries += [
-            (f"--io {io}", replace(compensator, io=io)) for io in finer.get(compensator.io, ())
+            (f"--io {io}", replace(compensator, io=io))
+            for io in finer_formats.get(compensator.io, ())
         ]
     for options, request in tries:
         try:
-            planned = _planned(model, request, plan.builder.model_hash, controller, None)[1]
+            budget = _plan_within_allowance(
+                model, request, plan.builder.model_hash, controller, None
+            )[1]
         except (InputError, NegativeResult):
             continue
-        if is_reached(planned):
+        if is_accuracy_reached(budget):
             return options
     return ""
 
 
-def _planned(
+def _plan_within_allowance(
     model: Model,
     request: CompileRequest,
     model_hash: int,
-    controller: Controller | None,
+    controller: CheckedController | None,
     progress: Progress | None,
 ) -> tuple[Plan, Budget]:
     """Plan, and tighter where another path breaks the allowance, unless a controller asked for none."""
-    shares: tuple[float, ...] = SHARES
+    shares: tuple[float, ...] = ALLOWANCE_SHARES
     if controller is not None:
-        model = controller.narrowed(model)
-        shares = SHARES[:1] if request.accuracy is None else SHARES
-    whole = 2 * len(shares) + 1  # a plan and its budget each, and what is written
+        model = controller.restrict_model(model)
+        shares = ALLOWANCE_SHARES[:1] if request.accuracy is None else ALLOWANCE_SHARES
+    total_steps = 2 * len(shares) + 1  # a plan and its budget each, and what is written
     for index, share in enumerate(shares):
         plan = make_plan(model, request, model_hash, share)
         if progress is not None:
-            progress(2 * index + 1, whole)
+            progress(2 * index + 1, total_steps)
         budget = measure_budget(plan)
         if progress is not None:
-            progress(2 * index + 2, whole)
-        if plan.found.reached > share * plan.allowance or keeps_allowance(plan, budget):
+            progress(2 * index + 2, total_steps)
+        if plan.search_result.error > share * plan.allowance or is_within_allowance(plan, budget):
             break
     return plan, budget
 
@@ -284,15 +303,15 @@ def compile_actuator(
             )  # fmt: skip
     if rate is None and controller is None:
         read_model(model)  # a file that is none is said before what is missing beside it
-    ticks = _rate(rate, controller)
+    rate_Hz = _select_rate(rate, controller)
     if kind == "play":
-        _refuse_for_play(controller, accuracy)
-        return compile_play(model, out, ticks, io, name, package)
-    request = CompileRequest(kind, io, ticks, accuracy, name)
+        _check_play_options(controller, accuracy)
+        return compile_play(model, out, rate_Hz, io, name, package)
+    request = CompileRequest(kind, io, rate_Hz, accuracy, name)
     return compile_model(model, out, request, controller, progress, package)
 
 
-def _rate(rate: float | None, controller: PathLike | None) -> float:
+def _select_rate(rate: float | None, controller: PathLike | None) -> float:
     """Return what was given, or what the controller file says."""
     if rate is not None:
         return rate
@@ -302,7 +321,7 @@ def _rate(rate: float | None, controller: PathLike | None) -> float:
     return read_controller(controller).settings.rate_Hz
 
 
-def _refuse_for_play(controller: PathLike | None, accuracy: float | None) -> None:
+def _check_play_options(controller: PathLike | None, accuracy: float | None) -> None:
     """Refuse what a map with one play does not have: it is neither planned nor put around."""
     if controller is not None:
         raise InputError(

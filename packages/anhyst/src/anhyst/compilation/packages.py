@@ -68,7 +68,7 @@ def _prefix_symbols(path: str, text: str, values: Values) -> str:
     return re.sub(r'(?<!")\banhyst_(?=\w)', f"{values['name']}_anhyst_", text)
 
 
-def _zip(files: Files, values: Values) -> Files:
+def _make_archive(files: Files, values: Values) -> Files:
     """Return the pack: all files in one archive.
 
     They are not compressed, because the bytes would depend on the version of the compressor.
@@ -82,32 +82,32 @@ def _zip(files: Files, values: Values) -> Files:
     return {f"anhyst.{values['name']}.{values['semver']}.pack": packed.getvalue()}
 
 
-MODULE = {
+MODULE_PLACES = {
     "include": "include", "src": "src", "port": "port", "headers": "actuator",
     "sources": "actuator", "docs": "docs", "example": "docs",
 }  # fmt: skip
 """Places of a package whose build lists its files, so that core and actuator stay apart."""
 
-VECTORS = "golden_vectors.h.j2"
-MAIN = "golden_main.c.j2"
+VECTORS_TEMPLATE = "golden_vectors.h.j2"
+MAIN_TEMPLATE = "golden_main.c.j2"
 
 PACKAGES: Mapping[str, Ecosystem] = {
     "cmsis-pack": Ecosystem(
         "CMSIS-Pack",
-        places=MODULE,
+        places=MODULE_PLACES,
         templates={
             "anhyst.{name}.pdsc": "cmsis/pack.pdsc.j2",
             "README.md": "cmsis/README.md.j2",
             "examples/golden_vectors/main.c": "cmsis/main.c.j2",
-            "examples/golden_vectors/golden_vectors.h": VECTORS,
+            "examples/golden_vectors/golden_vectors.h": VECTORS_TEMPLATE,
             "examples/golden_vectors/golden_vectors.csolution.yml": "cmsis/csolution.yml.j2",
             "examples/golden_vectors/golden_vectors.cproject.yml": "cmsis/cproject.yml.j2",
         },
-        archive=_zip,
+        archive=_make_archive,
     ),
     "zephyr": Ecosystem(
         "Zephyr module",
-        places=MODULE,
+        places=MODULE_PLACES,
         templates={
             "zephyr/module.yml": "zephyr/module.yml.j2",
             "zephyr/CMakeLists.txt": "zephyr/CMakeLists.txt.j2",
@@ -116,8 +116,8 @@ PACKAGES: Mapping[str, Ecosystem] = {
             "samples/golden_vectors/CMakeLists.txt": "zephyr/sample.cmake.j2",
             "samples/golden_vectors/prj.conf": "zephyr/prj.conf.j2",
             "samples/golden_vectors/sample.yaml": "zephyr/sample.yaml.j2",
-            "samples/golden_vectors/src/main.c": MAIN,
-            "samples/golden_vectors/src/golden_vectors.h": VECTORS,
+            "samples/golden_vectors/src/main.c": MAIN_TEMPLATE,
+            "samples/golden_vectors/src/golden_vectors.h": VECTORS_TEMPLATE,
         },
         print="printk",
     ),
@@ -131,8 +131,8 @@ PACKAGES: Mapping[str, Ecosystem] = {
             "library.json": "platformio/library.json.j2",
             "README.md": "platformio/README.md.j2",
             "examples/golden_vectors/platformio.ini": "platformio/platformio.ini.j2",
-            "examples/golden_vectors/src/main.c": MAIN,
-            "examples/golden_vectors/src/golden_vectors.h": VECTORS,
+            "examples/golden_vectors/src/main.c": MAIN_TEMPLATE,
+            "examples/golden_vectors/src/golden_vectors.h": VECTORS_TEMPLATE,
         },
     ),
     "arduino": Ecosystem(
@@ -145,7 +145,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
             "keywords.txt": "arduino/keywords.txt.j2",
             "README.md": "arduino/README.md.j2",
             "examples/golden_vectors/golden_vectors.ino": "arduino/golden_vectors.ino.j2",
-            "examples/golden_vectors/golden_vectors.h": VECTORS,
+            "examples/golden_vectors/golden_vectors.h": VECTORS_TEMPLATE,
         },
         edit=_forbid_fused_products,
     ),
@@ -177,7 +177,7 @@ def check_package(package: str | None) -> None:
         raise InputError(text, code="unknown-package", key="--package")
 
 
-def package_files(
+def make_package_files(
     package: str | None, files: Mapping[str, str], manifest: Mapping[str, Any], values: Values
 ) -> Mapping[str, str | bytes]:
     """Return the files of a package, by their paths, or those of the folder if there is no package.
@@ -187,31 +187,33 @@ def package_files(
     if package is None:
         return files
     ecosystem = PACKAGES[package]
-    places = {name: _place(name, ecosystem, values["name"]) for name in files}
+    places = {name: _package_path(name, ecosystem, values["name"]) for name in files}
     every: Files = {
-        place: _edited(ecosystem, place, files[name], values)
+        place: _edit_file(ecosystem, place, files[name], values)
         for name, place in places.items()
         if place is not None
     }
-    shown = _template_values(files, manifest, values)
-    shown |= {"title": ecosystem.title, "print": ecosystem.print}
+    template_values = _template_values(files, manifest, values)
+    template_values |= {"title": ecosystem.title, "print": ecosystem.print}
     for pattern, template in ecosystem.templates.items():
         path = pattern.format(name=values["name"])
-        every[path] = _edited(ecosystem, path, render(f"packages/{template}", shown), values)
+        every[path] = _edit_file(
+            ecosystem, path, render(f"packages/{template}", template_values), values
+        )
     every["LICENSE"] = license_text()
-    return every if ecosystem.archive is None else every | ecosystem.archive(every, shown)
+    return every if ecosystem.archive is None else every | ecosystem.archive(every, template_values)
 
 
-def _edited(ecosystem: Ecosystem, path: str, text: str, values: Values) -> str:
+def _edit_file(ecosystem: Ecosystem, path: str, text: str, values: Values) -> str:
     """Return the text of a file of the package; an ecosystem changes only C."""
     if path.endswith("/DROP_IN.md"):
-        return _guide(text)
+        return _edit_guide(text)
     if ecosystem.edit is None or not path.endswith((".c", ".h")):
         return text
     return ecosystem.edit(path, text, values)
 
 
-def _guide(text: str) -> str:
+def _edit_guide(text: str) -> str:
     """Return the drop-in guide without the files that a package has no use for."""
     text = re.sub(r"`anhyst.mk` and `anhyst.cmake` do both\.", "The package does both.", text)
     text = re.sub(
@@ -224,16 +226,16 @@ def _guide(text: str) -> str:
     return text.replace("`example/interrupt.c`", "`interrupt.c`")
 
 
-def _place(path: str, ecosystem: Ecosystem, name: str) -> str | None:
+def _package_path(path: str, ecosystem: Ecosystem, name: str) -> str | None:
     """Return the path in the package of a file of the folder, or None if the package omits it."""
     part, _, below = path.partition("/")
     if not below:
-        part, below = _part(path, name), path
+        part, below = _folder_part(path, name), path
     place = ecosystem.places.get(part)
     return None if place is None else f"{place}/{below}"
 
 
-def _part(file: str, name: str) -> str:
+def _folder_part(file: str, name: str) -> str:
     """Return the part of the folder that a file without a folder belongs to."""
     suffix = PurePosixPath(file).suffix
     if file.startswith(f"{name}_") and suffix in {".c", ".h"}:
@@ -266,7 +268,7 @@ def _template_values(
         "rate": f"{manifest['rate_Hz']:g}",
         "statuses": _statuses(files),
         "flags": _flags(files),
-        "rows": _rows(table, values),
+        "rows": _vector_rows(table, values),
         "fp_contract_off": FP_CONTRACT_OFF,
     }
 
@@ -310,7 +312,8 @@ def _statuses(files: Mapping[str, str]) -> list[tuple[str, int, str]]:
     text = files["include/anhyst/numeric/status.h"]
     found = re.findall(r"/\* ([^*]+) \*/\s*ANHYST_(\w+) = (-\d+)", text)
     return [
-        (_camel(name), int(number), " ".join(meaning.split())) for meaning, name, number in found
+        (_camel_case(name), int(number), " ".join(meaning.split()))
+        for meaning, name, number in found
     ]
 
 
@@ -320,24 +323,24 @@ def _flags(files: Mapping[str, str]) -> list[tuple[str, int]]:
     return [(name, int(value)) for name, value in re.findall(r"#define ANHYST_(\w+) (\d+)U", text)]
 
 
-def _camel(name: str) -> str:
+def _camel_case(name: str) -> str:
     return "".join(word.capitalize() for word in name.split("_"))
 
 
-def _rows(table: str, values: Values) -> list[str]:
+def _vector_rows(table: str, values: Values) -> list[str]:
     """Return the golden vectors as rows of constants in C."""
     columns = LEVITATION_COLUMNS if values["control"] else COLUMNS
-    text = _word if values["real"] else _code
+    text = _float_bits if values["real"] else _int_constant
     rows = csv.DictReader(StringIO(table))
     return [", ".join(text(row[name]) for name in columns) for row in rows]
 
 
-def _code(cell: str) -> str:
+def _int_constant(cell: str) -> str:
     """Return a code in C, where -2147483648 is not a constant of 32 bits."""
     return f"({int(cell) + 1} - 1)" if int(cell) == -(2**31) else cell
 
 
-def _word(cell: str) -> str:
+def _float_bits(cell: str) -> str:
     """Return the bits of a number in single precision."""
     return f"0x{int(np.float32(cell).view(np.uint32)):08X}"
 

@@ -10,28 +10,33 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from anhyst.compensate.plan import Plan
-from anhyst.compilation.controller import ControllerPlan, controller_values
+from anhyst.compilation.controller import ControllerPlan, controller_template_values
 from anhyst.compilation.manifest import controller_bytes, state_bytes
-from anhyst.compilation.parameters import definition, lined_up, literal, scales_source
+from anhyst.compilation.parameters import (
+    align_comments,
+    define_parameters,
+    float_literal,
+    scales_initialiser,
+)
 from anhyst.compilation.toolchain import (
-    AROUND,
-    AROUND_SINGLE,
-    CONTROL,
-    SINGLE,
-    SOURCES,
-    SRC,
+    CONTROL_SOURCES,
+    KIND_SOURCES,
+    KIND_SOURCES_F32,
+    MONITOR_SOURCES,
+    MONITOR_SOURCES_F32,
+    SOURCE_FOLDER,
     core_files,
     read_core,
 )
-from anhyst.support.block_words import Names
+from anhyst.support.block_words import SignalUnits
 from anhyst.support.units import Quantity
 
-PORT = "port/anhyst_port_cortex_m4.h"
-TYPES = {"q15": "int16_t", "q31": "int32_t", "f32": "float"}
-ONES = {"q15": 2**15, "q31": 2**31, "f32": 1}
+PORT_HEADER = "port/anhyst_port_cortex_m4.h"
+C_TYPES = {"q15": "int16_t", "q31": "int32_t", "f32": "float"}
+CODE_OF_ONE = {"q15": 2**15, "q31": 2**31, "f32": 1}
 
 
-def sources(
+def make_sources(
     plan: Plan,
     values: Mapping[str, object],
     accuracy: Mapping[str, str],
@@ -39,16 +44,18 @@ def sources(
     controller: ControllerPlan | None = None,
 ) -> dict[str, str]:
     """Return the C files and what helps to build them; `values` are those of :func:`example_values`."""
-    real = not plan.block.is_fixed
-    taken = (SINGLE if real else SOURCES)[plan.block.kind] + (CONTROL if controller else ())
-    taken += AROUND_SINGLE if real else AROUND
+    is_float = not plan.block.is_fixed
+    core_sources = (KIND_SOURCES_F32 if is_float else KIND_SOURCES)[plan.block.kind] + (
+        CONTROL_SOURCES if controller else ()
+    )
+    core_sources += MONITOR_SOURCES_F32 if is_float else MONITOR_SOURCES
     parts = ("parameters",) if controller is None else ("parameters", "controller")
     common = dict(values) | {
-        "core": sorted(f"{SRC}/{name}" for name in taken),
+        "core": sorted(f"{SOURCE_FOLDER}/{name}" for name in core_sources),
         "own": [f"{plan.name}_{part}.c" for part in parts],
     }
-    parameters = common | _parameters(plan, signals)
-    files = core_files(taken, plan.block.memories) | {
+    parameters = common | _parameter_values(plan, signals)
+    files = core_files(core_sources, plan.block.memory_count) | {
         f"{plan.name}_parameters.h": render("parameters.h.j2", parameters),
         f"{plan.name}_parameters.c": render("parameters.c.j2", parameters),
         "main.c": render("main.c.j2", common),
@@ -56,14 +63,14 @@ def sources(
         "anhyst.mk": render("anhyst.mk.j2", common),
         "anhyst.cmake": render("anhyst.cmake.j2", common),
     }
-    guide = common | _guide(plan, signals) | dict(accuracy)
+    guide = common | _guide_values(plan, signals) | dict(accuracy)
     if controller is not None:
         files |= _controller_files(common, plan.name, controller)
-        guide |= controller_values(controller, plan.name) | {
+        guide |= controller_template_values(controller, plan.name) | {
             "controller_bytes": controller_bytes(controller.magnets, controller.block)
         }
     files["DROP_IN.md"] = render("DROP_IN.md.j2", guide)
-    return files if real else {**files, PORT: read_core(PORT)}
+    return files if is_float else {**files, PORT_HEADER: read_core(PORT_HEADER)}
 
 
 def example_values(
@@ -77,25 +84,25 @@ def example_values(
         "control": controller is not None,
         "kind": block.kind,
         "version": version,
-        "model": in_comment(model.name),
+        "model": escape_comment(model.name),
         "sha256": sha256,
         "io": io,
         "real": not block.is_fixed,
         "port": block.is_fixed,
         "word": block.c_type,
         "parameters_bytes": block.size,
-        "memories": block.memories,
+        "memories": block.memory_count,
         "input": model.input.name.replace("_", " "),
         "output": model.output.name.replace("_", " "),
-        "type": TYPES[io],
-        "one": ONES[io],
-        **_calls(plan.name, not block.is_fixed),
+        "type": C_TYPES[io],
+        "one": CODE_OF_ONE[io],
+        **_init_values(plan.name, not block.is_fixed),
     }
 
 
-def _calls(name: str, real: bool) -> dict[str, object]:
+def _init_values(name: str, is_float: bool) -> dict[str, object]:
     """Return what the example calls, and what it keeps."""
-    suffix = "_f32" if real else ""
+    suffix = "_f32" if is_float else ""
     arguments = (
         f"&compensator, &{name.upper()}_KERNEL, {name}_parameters,\n"
         f"{' ' * (33 + len(suffix))}{name.upper()}_PARAMETERS_WORDS"
@@ -112,8 +119,8 @@ def _controller_files(
     common: Mapping[str, object], name: str, controller: ControllerPlan
 ) -> dict[str, str]:
     """Return the files of the position controller; its example stands for the compensator's."""
-    values = dict(common) | controller_values(controller, name)
-    values["controller"] = in_comment(str(values["controller"]))
+    values = dict(common) | controller_template_values(controller, name)
+    values["controller"] = escape_comment(str(values["controller"]))
     return {
         f"{name}_controller.h": render("controller.h.j2", values),
         f"{name}_controller.c": render("controller.c.j2", values),
@@ -121,43 +128,43 @@ def _controller_files(
     }
 
 
-def _parameters(plan: Plan, signals: Sequence[str]) -> dict[str, object]:
+def _parameter_values(plan: Plan, signals: Sequence[str]) -> dict[str, object]:
     """Return what the files of the parameters show beside what all files do."""
     model, block = plan.model, plan.block
-    names = Names(model.output.unit, model.input.unit)
+    names = SignalUnits(model.output.unit, model.input.unit)
     values: dict[str, object] = {
         "signals": signals,
         "limits": limit_lines(plan),
-        "layered": block.memories > 1,
+        "layered": block.memory_count > 1,
         "rate": f"{plan.request.rate:.10g}",
     }
     words = f"{plan.name.upper()}_PARAMETERS_WORDS"
     return values | {
         "kernel": f"anhyst_kernel_{block.kind}{'' if block.is_fixed else '_f32'}",
-        "defines": _defines(plan),
-        "scales": scales_source(block),
-        "definition": definition(plan.name, words, block, names, model.schedule),
+        "defines": _scale_macros(plan),
+        "scales": scales_initialiser(block),
+        "definition": define_parameters(plan.name, words, block, names, model.schedule),
         "words": block.words.size,
     }
 
 
-def _guide(plan: Plan, signals: Sequence[str]) -> dict[str, object]:
+def _guide_values(plan: Plan, signals: Sequence[str]) -> dict[str, object]:
     """Return what the drop-in guide says beside the code."""
-    start, io = plan.start, plan.request.io
+    start, io = plan.start_up, plan.request.io
     cycles = start.conditioning.cycles
     rows = [line.partition(" ") for line in signals]
     return {
         "rate": f"{plan.request.rate:.10g}",
         "bits": 16 if io == "q15" else 32,
         "signals": [(name, text.strip()) for name, _, text in rows],
-        "scale_name": f"{plan.name.upper()}_FULL_SCALE_DEMAND_{_unit(plan.model.output)}",
+        "scale_name": f"{plan.name.upper()}_FULL_SCALE_DEMAND_{_unit_suffix(plan.model.output)}",
         "unit": plan.model.output.unit,
-        "layered": plan.block.memories > 1,
+        "layered": plan.block.memory_count > 1,
         "condition": (
             f"{cycles} triangle{'s' * (cycles > 1)} of current between its limits, "
             f"{start.seconds:g} s"
         ),
-        "remaining": f"{100.0 * start.remaining / plan.largest:.2g}",
+        "remaining": f"{100.0 * start.remaining_difference / plan.reference_output:.2g}",
         "state_bytes": state_bytes(plan.block),
     }
 
@@ -179,7 +186,7 @@ def _environment() -> Environment:
     )
 
 
-def in_comment(text: str) -> str:
+def escape_comment(text: str) -> str:
     """Return a text that cannot end a comment or a line."""
     return re.sub(r"[^ -~]|\*/|/\*", "?", text)
 
@@ -188,17 +195,17 @@ def signal_lines(plan: Plan) -> list[str]:
     """Say what the codes of each signal mean, a line each."""
     model, scales, limits = plan.model, plan.block.scales, plan.block.limits
     if plan.request.io == "f32":
-        return _real_signals(plan)
+        return _float_signal_lines(plan)
     lines = [
-        f"demand   1.0 is {_value(scales.demand, model.output)}; taken from "
-        f"{_value(limits.demand[0], model.output)} to {_value(limits.demand[1], model.output)}",
-        f"current  1.0 is {_value(scales.current, model.input)}; given from "
-        f"{_value(limits.current[0], model.input)} to {_value(limits.current[1], model.input)}",
+        f"demand   1.0 is {_value_text(scales.demand, model.output)}; taken from "
+        f"{_value_text(limits.demand[0], model.output)} to {_value_text(limits.demand[1], model.output)}",
+        f"current  1.0 is {_value_text(scales.current, model.input)}; given from "
+        f"{_value_text(limits.current[0], model.input)} to {_value_text(limits.current[1], model.input)}",
     ]
     if model.schedule is not None and scales.gap_high > scales.gap_low:
         lines.append(
-            f"gap      0 is {_value(scales.gap_low, model.schedule)}, 1.0 is "
-            f"{_value(scales.gap_high, model.schedule)}; beyond, the nearer of the two counts"
+            f"gap      0 is {_value_text(scales.gap_low, model.schedule)}, 1.0 is "
+            f"{_value_text(scales.gap_high, model.schedule)}; beyond, the nearer of the two counts"
         )
     else:
         lines.append("gap      not used: pass 0")
@@ -215,25 +222,28 @@ def limit_lines(plan: Plan) -> list[str]:
     if model.schedule is not None:
         rows += [("GAP", gap, gap[0], (gap[1] - gap[0]) or 1.0, model.schedule)]
 
-    def written(value: float, origin: float, scale: float) -> str:
+    def write_limit(value: float, origin: float, scale: float) -> str:
         if io == "f32":
-            return literal(value)
-        one = ONES[io]
+            return float_literal(value)
+        one = CODE_OF_ONE[io]
         code = one // 32768 * round((value - origin) / scale * 32768.0)
         return f"({code})" if code < 0 else f"{min(code, one - 1)}"
 
     texts = [
-        (f"#define {macro}_{name}_{end} {written(value, origin, scale)}", _value(value, quantity))
+        (
+            f"#define {macro}_{name}_{end} {write_limit(value, origin, scale)}",
+            _value_text(value, quantity),
+        )
         for name, ends, origin, scale, quantity in rows
         for end, value in zip(("MIN", "MAX"), ends, strict=True)
     ]
     if model.schedule is None:
         number = "0.0f" if io == "f32" else "0"
         texts += [(f"#define {macro}_GAP_{end} {number}", "not used") for end in ("MIN", "MAX")]
-    return lined_up(texts)
+    return align_comments(texts)
 
 
-def _real_signals(plan: Plan) -> list[str]:
+def _float_signal_lines(plan: Plan) -> list[str]:
     model, scales, limits = plan.model, plan.block.scales, plan.block.limits
     lines = [
         f"demand   in {model.output.unit}, taken from {limits.demand[0]:.6g} to "
@@ -251,32 +261,36 @@ def _real_signals(plan: Plan) -> list[str]:
     return lines
 
 
-def _value(value: float, quantity: Quantity) -> str:
+def _value_text(value: float, quantity: Quantity) -> str:
     return f"{1e3 * value:.6g} mm" if quantity.unit == "m" else f"{value:.6g} {quantity.unit}"
 
 
-def _defines(plan: Plan) -> list[str]:
+def _scale_macros(plan: Plan) -> list[str]:
     """Return the macros with SI values, a line each."""
     model, scales, macro = plan.model, plan.block.scales, plan.name.upper()
     rows = [
-        (f"{macro}_FULL_SCALE_DEMAND_{_unit(model.output)}", scales.demand, "demand of 1.0"),
-        (f"{macro}_FULL_SCALE_CURRENT_{_unit(model.input)}", scales.current, "current of 1.0"),
+        (f"{macro}_FULL_SCALE_DEMAND_{_unit_suffix(model.output)}", scales.demand, "demand of 1.0"),
+        (
+            f"{macro}_FULL_SCALE_CURRENT_{_unit_suffix(model.input)}",
+            scales.current,
+            "current of 1.0",
+        ),
     ]
     if model.schedule is not None:
-        unit = _unit(model.schedule)
+        unit = _unit_suffix(model.schedule)
         rows += [
             (f"{macro}_GAP_LOW_{unit}", scales.gap_low, "gap of 0"),
             (f"{macro}_GAP_HIGH_{unit}", scales.gap_high, "gap of 1.0"),
         ]
-    texts = [(f"#define {name} {_real(value)}", doc) for name, value, doc in rows]
-    return lined_up(texts)
+    texts = [(f"#define {name} {_double_literal(value)}", doc) for name, value, doc in rows]
+    return align_comments(texts)
 
 
-def _real(value: float) -> str:
+def _double_literal(value: float) -> str:
     """Return a number that C takes for a double."""
     text = f"{value:.10g}"
     return text if re.search(r"[.e]", text) else f"{text}.0"
 
 
-def _unit(quantity: Quantity) -> str:
+def _unit_suffix(quantity: Quantity) -> str:
     return re.sub(r"\W+", "_", quantity.unit.replace("/", "_per_")).upper()

@@ -12,33 +12,39 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import CurrentMap, PlayMap
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
-from anhyst.compilation.parameters import definition, listed, literal, table_source, wrapped
-from anhyst.compilation.play_source import play_source
-from anhyst.compilation.source import PORT, in_comment, render
+from anhyst.compilation.parameters import (
+    define_parameters,
+    float_list,
+    float_literal,
+    table_initialiser,
+    wrap_row,
+)
+from anhyst.compilation.play_source import play_initialiser
+from anhyst.compilation.source import PORT_HEADER, escape_comment, render
 from anhyst.compilation.toolchain import (
-    AXES,
-    AXES_FIXED,
-    CORRECTED_REAL,
-    FORCE_CODED,
-    FORCE_FIXED,
-    FORCE_REAL,
-    PLAY_MAP,
-    PLAY_MAP_REAL,
-    SINGLE,
-    SOURCES,
-    SRC,
+    AXES_SOURCES_F32,
+    AXES_SOURCES_FIXED,
+    CORRECTED_SOURCES_F32,
+    FORCE_SOURCES_CODED,
+    FORCE_SOURCES_F32,
+    FORCE_SOURCES_FIXED,
+    KIND_SOURCES,
+    KIND_SOURCES_F32,
+    PLAY_MAP_SOURCES_F32,
+    PLAY_MAP_SOURCES_FIXED,
+    SOURCE_FOLDER,
     core_files,
     read_core,
 )
-from anhyst.control.fixed_axes import FixedController, feed_rows
-from anhyst.support.block_words import Names
+from anhyst.control.fixed_axes import FixedController, make_feedforward_rows
+from anhyst.support.block_words import SignalUnits
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
 
-DEAD_ROWS = 200
+LOST_MAGNET_ROWS = 200
 """Of the golden vectors the last, in which the first magnet is lost."""
-NEWTON_AMPERE, GAP = Names("N", "A"), Quantity("gap", "gap", "m")
-TABLES = {
+FORCE_CURRENT_UNITS, GAP_QUANTITY = SignalUnits("N", "A"), Quantity("gap", "gap", "m")
+TABLE_COMMENTS = {
     "pull": "Wrench of 1 N of each magnet, N and N m, a row a magnet.",
     "see": "Pose of what the heads read, a row a coordinate.",
     "decouple": "Errors taken to the centre of mass, a row a coordinate.",
@@ -52,14 +58,14 @@ TABLES = {
     "without": "Pose without each head in its place, zeros where the others do not tell it.",
 }
 """Tables of the controller, in the order in which they stand in the C."""
-CODED_TABLES = {
+FIXED_TABLE_COMMENTS = {
     "whole": "Forces of least squares of a wrench, a row a magnet.",
     "yields": "The same where coordinates may be given up.",
-    **{key: TABLES[key] for key in TABLES if key not in ("pull", "yields")},
+    **{key: TABLE_COMMENTS[key] for key in TABLE_COMMENTS if key not in ("pull", "yields")},
 }
 """Those in fixed point, in codes."""
-SHIFTS = "Digits behind the point of each row of it."
-APART = "Forces to those of them that make no wrench, q30, a row a magnet."
+SHIFT_COMMENT = "Digits behind the point of each row of it."
+REMAINDER_COMMENT = "Forces to those of them that make no wrench, q30, a row a magnet."
 
 
 @dataclass(frozen=True)
@@ -71,21 +77,21 @@ class StageController:
     sha256: str  # of the rig file
     kind: str  # method from force to current
     rate: float  # Hz
-    ahead: float  # s, by which what is fed forward goes ahead of the set-point
+    feedforward_lead: float  # s, by which what is fed forward goes ahead of the set-point
     free: Sequence[str]  # coordinates
     # tables of TABLES; `at`, what each head reads of a pose, and `pid`, a filter a coordinate
     rows: Mapping[str, FloatArray]
-    against: Sequence[int]  # for each magnet that which pulls against it, itself where alone
+    opponents: Sequence[int]  # for each magnet that which pulls against it, itself where alone
     # allocation, idle force, limits of the currents, by what a lost magnet is found
     settings: Mapping[str, float]
     force_min: float  # N, of a magnet that is alone
     force_max: float  # N, of each magnet
     magnets: Sequence[ForceController]  # one each, in single precision or in fixed point
     correction: FloatArray | None  # rows of what calibration found of each
-    codes: FixedController | None = None  # all of it but the magnets in fixed point
+    fixed_controller: FixedController | None = None  # all of it but the magnets in fixed point
 
     @property
-    def distinct(self) -> list[ForceController]:
+    def distinct_magnets(self) -> list[ForceController]:
         """Those of the magnets that differ."""
         magnets: list[ForceController] = []
         for magnet in self.magnets:
@@ -93,51 +99,51 @@ class StageController:
                 magnets.append(magnet)
         return magnets
 
-    def called(self, magnet: ForceController) -> str:
+    def parameters_name(self, magnet: ForceController) -> str:
         """Return what the parameters of a magnet are called."""
-        index = [one.parameters is magnet.parameters for one in self.distinct].index(True)
+        index = [one.parameters is magnet.parameters for one in self.distinct_magnets].index(True)
         return self.name if index == 0 else f"{self.name}_{index + 1}"
 
     @property
-    def fixed(self) -> bool:
+    def is_fixed(self) -> bool:
         """Whether its magnets reckon in fixed point."""
         return self.magnets[0].format == "fixed"
 
     @property
-    def core(self) -> tuple[str, ...]:
+    def core_sources(self) -> tuple[str, ...]:
         """Sources of the core."""
         parameters = self.magnets[0].parameters
         own: tuple[str, ...] = ()
         if isinstance(parameters, HysteresisInverse):
             block = parameters.block
-            own = (SOURCES if self.fixed else SINGLE)[block.kind]
+            own = (KIND_SOURCES if self.is_fixed else KIND_SOURCES_F32)[block.kind]
         elif isinstance(parameters, PlayMap):
-            own = PLAY_MAP if self.fixed else PLAY_MAP_REAL
-        if self.codes is not None:
-            return tuple(dict.fromkeys((*AXES_FIXED, *FORCE_FIXED, *own)))
-        force = FORCE_CODED if self.fixed else FORCE_REAL
-        corrected = () if self.correction is None else CORRECTED_REAL
-        return tuple(dict.fromkeys((*AXES, *force, *own, *corrected)))
+            own = PLAY_MAP_SOURCES_FIXED if self.is_fixed else PLAY_MAP_SOURCES_F32
+        if self.fixed_controller is not None:
+            return tuple(dict.fromkeys((*AXES_SOURCES_FIXED, *FORCE_SOURCES_FIXED, *own)))
+        force = FORCE_SOURCES_CODED if self.is_fixed else FORCE_SOURCES_F32
+        corrected = () if self.correction is None else CORRECTED_SOURCES_F32
+        return tuple(dict.fromkeys((*AXES_SOURCES_F32, *force, *own, *corrected)))
 
     @property
     def parameters_bytes(self) -> int:
         """Size of all parameters of magnets where a pointer has 32 bits."""
-        return sum(_bytes(magnet) for magnet in self.distinct)
+        return sum(_parameter_bytes(magnet) for magnet in self.distinct_magnets)
 
 
-def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, str]:
+def make_stage_sources(stage: StageController, version: str, vector_rows: int) -> dict[str, str]:
     """Return the C files and what helps to build them; the golden vectors have so many rows."""
     name = stage.name
-    values = _values(stage, version) | {"rows": rows}
-    files = core_files(stage.core, max(memories_of(stage)))
-    for magnet in stage.distinct:
-        called = stage.called(magnet)
-        files[f"{called}_parameters.c"] = (
+    values = _template_values(stage, version) | {"rows": vector_rows}
+    files = core_files(stage.core_sources, max(memory_counts(stage)))
+    for magnet in stage.distinct_magnets:
+        parameters_name = stage.parameters_name(magnet)
+        files[f"{parameters_name}_parameters.c"] = (
             f'/* SPDX-License-Identifier: Apache-2.0 */\n#include "{name}_controller.h"\n\n'
-            f"/* clang-format off */\n{_parameters(called, magnet)}\n"
+            f"/* clang-format off */\n{_parameter_definitions(parameters_name, magnet)}\n"
         )
-    if stage.fixed:
-        files[PORT] = read_core(PORT)
+    if stage.is_fixed:
+        files[PORT_HEADER] = read_core(PORT_HEADER)
     return files | {
         f"{name}_controller.h": render("stage_controller.h.j2", values),
         f"{name}_controller.c": render("stage_controller.c.j2", values),
@@ -148,56 +154,60 @@ def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, 
     }
 
 
-def memories_of(stage: StageController) -> list[int]:
+def memory_counts(stage: StageController) -> list[int]:
     """Return the number of memories of the iron of each magnet."""
-    methods = [magnet.parameters for magnet in stage.distinct]
-    return [m.block.memories if isinstance(m, HysteresisInverse) else 1 for m in methods]
+    methods = [magnet.parameters for magnet in stage.distinct_magnets]
+    return [m.block.memory_count if isinstance(m, HysteresisInverse) else 1 for m in methods]
 
 
-def _kernel(block: Block) -> str:
+def _kernel_name(block: Block) -> str:
     return f"anhyst_kernel_{block.kind}{'' if block.is_fixed else '_f32'}"
 
 
-def _values(stage: StageController, version: str) -> dict[str, object]:
+def _template_values(stage: StageController, version: str) -> dict[str, object]:
     """Return what the templates show."""
     settings, scales = stage.settings, stage.magnets[0].scales
     return {
         "name": stage.name,
         "macro": stage.name.upper(),
-        "rig": in_comment(stage.rig),
+        "rig": escape_comment(stage.rig),
         "sha256": stage.sha256,
         "version": version,
         "kind": stage.kind,
         "rate": f"{stage.rate:.10g}",
-        "ahead_ms": f"{1e3 * stage.ahead:.6g}",
+        "ahead_ms": f"{1e3 * stage.feedforward_lead:.6g}",
         "free": list(stage.free),
         "heads": len(stage.rows["at"]),
         "magnets": len(stage.magnets),
-        "gap_low": literal(scales.gap_low),
-        "gap_high": literal(scales.gap_high),
+        "gap_low": float_literal(scales.gap_low),
+        "gap_high": float_literal(scales.gap_high),
         "gap_low_mm": f"{1e3 * scales.gap_low:.6g}",
         "gap_high_mm": f"{1e3 * scales.gap_high:.6g}",
-        "force_max": literal(stage.force_max),
+        "force_max": float_literal(stage.force_max),
         **{f"current_{end}": settings[f"current_{end}"] for end in ("low", "high", "step")},
         "watched": settings["off"] > 0.0,
         "off_A": f"{settings['off']:.6g}",
-        "dead": DEAD_ROWS,
-        "at": f"{{{', '.join(_row(row, repr) for row in stage.rows['at'].tolist())}}}",
-        "against": list(stage.against),
+        "dead": LOST_MAGNET_ROWS,
+        "at": f"{{{', '.join(_row_text(row, repr) for row in stage.rows['at'].tolist())}}}",
+        "against": list(stage.opponents),
         "allocation": f"{int(settings['allocation'])}U",
         "corrected": []
         if stage.correction is None
-        else [_row(r) for r in stage.correction.tolist()],
-        "core": sorted(f"{SRC}/{file}" for file in stage.core),
-        "real": stage.codes is None,
-        "port": stage.fixed,
+        else [_row_text(r) for r in stage.correction.tolist()],
+        "core": sorted(f"{SOURCE_FOLDER}/{file}" for file in stage.core_sources),
+        "real": stage.fixed_controller is None,
+        "port": stage.is_fixed,
         "parameters_bytes": stage.parameters_bytes,
-        **(_real_values(stage) if stage.codes is None else _code_values(stage, stage.codes)),
+        **(
+            _real_values(stage)
+            if stage.fixed_controller is None
+            else _code_values(stage, stage.fixed_controller)
+        ),
         **_magnet_values(stage),
     }
 
 
-COUNTED = ("off_ticks", "spare", "land_ticks", "spare_heads", "doubt", "noisy")
+INTEGER_SETTINGS = ("off_ticks", "spare", "land_ticks", "spare_heads", "doubt", "noisy")
 
 
 def _real_values(stage: StageController) -> dict[str, object]:
@@ -209,78 +219,87 @@ def _real_values(stage: StageController) -> dict[str, object]:
         "io": "f32",
         "number": "float",
         "codes": False,
-        "tables": [(_table(key, stage.rows[key]), doc) for key, doc in TABLES.items()],
-        "pid": [f"{{{_row(row[:3])}, {_row(row[3:])}}}" for row in stage.rows["pid"].tolist()],
-        **{key: literal(value) for key, value in values.items()},
-        "least": literal(stage.force_min),
+        "tables": [(_table_text(key, stage.rows[key]), doc) for key, doc in TABLE_COMMENTS.items()],
+        "pid": [
+            f"{{{_row_text(row[:3])}, {_row_text(row[3:])}}}" for row in stage.rows["pid"].tolist()
+        ],
+        **{key: float_literal(value) for key, value in values.items()},
+        "least": float_literal(stage.force_min),
         "most": f"{stage.name.upper()}_CONTROLLER_FORCE_MAX_N",
-        **{key: int(settings[key]) for key in COUNTED},
+        **{key: int(settings[key]) for key in INTEGER_SETTINGS},
     }
 
 
 def _code_values(stage: StageController, codes: FixedController) -> dict[str, object]:
     """Return the same in fixed point."""
-    numbers, scales, words = codes.numbers, codes.scales, dict(codes.words)
-    fed = feed_rows(stage.rows["mass"], stage.rows["weight"], scales)
-    words |= dict(zip(("mass", "mass_shift", "weight"), fed, strict=True))
-    tables = [(key, key, doc) for key, doc in CODED_TABLES.items()]
-    tables += [(f"{key}_shift", key, SHIFTS) for key in words if f"{key}_shift" in words]
-    tables += [(key, key, APART) for key in ("whole_apart", "yields_apart")]
+    numbers, scales, words = codes.integers, codes.scales, dict(codes.words)
+    feedforward = make_feedforward_rows(stage.rows["mass"], stage.rows["weight"], scales)
+    words |= dict(zip(("mass", "mass_shift", "weight"), feedforward, strict=True))
+    tables = [(key, key, doc) for key, doc in FIXED_TABLE_COMMENTS.items()]
+    tables += [(f"{key}_shift", key, SHIFT_COMMENT) for key in words if f"{key}_shift" in words]
+    tables += [(key, key, REMAINDER_COMMENT) for key in ("whole_apart", "yields_apart")]
     return {
         "io": "q31",
         "number": "int32_t",
         "codes": True,
         "full": {
-            "head": literal(scales.head),
-            "acceleration": _row(scales.acceleration.tolist()),
-            "wrench": _row(scales.wrench.tolist()),
-            "current": literal(scales.current),
+            "head": float_literal(scales.head),
+            "acceleration": _row_text(scales.acceleration.tolist()),
+            "wrench": _row_text(scales.wrench.tolist()),
+            "current": float_literal(scales.current),
         },
-        "tables": [(_table(name, words[name], whole=True), doc) for name, _, doc in tables],
-        "pid": [f"{{{', '.join(str(int(one)) for one in row)}}}" for row in words["pid"].tolist()],
+        "tables": [
+            (_table_text(name, words[name], is_integer=True), doc) for name, _, doc in tables
+        ],
+        "pid": [
+            f"{{{', '.join(str(int(word)) for word in row)}}}" for row in words["pid"].tolist()
+        ],
         **{key: numbers[f"current_{key}"] for key in ("low", "high", "step")},
         **{key: numbers[key] for key in ("idle", "least", "most", "follow", "slew", "off", "jump")},
-        **{key: numbers[key] for key in COUNTED},
+        **{key: numbers[key] for key in INTEGER_SETTINGS},
     }
 
 
 def _magnet_values(stage: StageController) -> dict[str, object]:
     """Return what they show of the way from force to current."""
     parameters, scales = stage.magnets[0].parameters, stage.magnets[0].scales
-    table, law = _map_of(parameters), "q31" if stage.fixed else "f32"
-    low, high = ("", "") if table is None else map(literal, table.limits)
-    if table is not None and stage.fixed:
-        low, high = map(str, table.codes())
-    parts = [(stage.called(magnet), _words(magnet)) for magnet in stage.distinct]
-    own = [(stage.called(magnet), _words(magnet)) for magnet in stage.magnets]
+    table, number_format = _find_map(parameters), "q31" if stage.is_fixed else "f32"
+    low, high = ("", "") if table is None else map(float_literal, table.limits)
+    if table is not None and stage.is_fixed:
+        low, high = map(str, table.limit_codes())
+    by_parameters = [
+        (stage.parameters_name(magnet), _word_count(magnet)) for magnet in stage.distinct_magnets
+    ]
+    by_magnet = [(stage.parameters_name(magnet), _word_count(magnet)) for magnet in stage.magnets]
     block = parameters.block if isinstance(parameters, HysteresisInverse) else None
     play = isinstance(stage.magnets[0].parameters, PlayMap)
-    headers = ["force_by_play.h" if stage.fixed else "force_by_play_real.h"] * play
-    coded = stage.fixed and stage.codes is None
-    headers += ["force_coded_real.h"] * coded
+    headers = ["force_by_play.h" if stage.is_fixed else "force_by_play_real.h"] * play
+    is_coded = stage.is_fixed and stage.fixed_controller is None
+    headers += ["force_coded_real.h"] * is_coded
     headers += ["force_corrected_real.h"] * (stage.correction is not None)
     return {
-        "type": _type(parameters, law),
+        "type": _parameter_type(parameters, number_format),
         "play": isinstance(parameters, PlayMap),
         "map": table is not None,
         "map_low": low,
         "map_high": high,
-        "fixed": stage.fixed,
-        "law": law,
-        "coded": coded,
-        "inner": "inner" if coded else "magnet",
-        "kernel": "" if block is None else _kernel(block),
-        "memories": 1 if block is None else max(memories_of(stage)),
-        "scales": _row((scales.demand, scales.current, 1.0, scales.gap_low, scales.gap_high)),
-        "words": [f"{part.upper()}_PARAMETERS_WORDS" for part, words in own if words],
+        "fixed": stage.is_fixed,
+        "law": number_format,
+        "coded": is_coded,
+        "inner": "inner" if is_coded else "magnet",
+        "kernel": "" if block is None else _kernel_name(block),
+        "memories": 1 if block is None else max(memory_counts(stage)),
+        "scales": _row_text((scales.demand, scales.current, 1.0, scales.gap_low, scales.gap_high)),
+        "words": [f"{part.upper()}_PARAMETERS_WORDS" for part, words in by_magnet if words],
         "headers": headers,
-        "parts": parts,
-        "own": [f"{'' if words else '&'}{part}_parameters" for part, words in own],
-        "sources": [f"{part}_parameters.c" for part, _ in parts] + [f"{stage.name}_controller.c"],
+        "parts": by_parameters,
+        "own": [f"{'' if words else '&'}{part}_parameters" for part, words in by_magnet],
+        "sources": [f"{part}_parameters.c" for part, _ in by_parameters]
+        + [f"{stage.name}_controller.c"],
     }
 
 
-def _words(magnet: ForceController) -> int:
+def _word_count(magnet: ForceController) -> int:
     """Return how many words a block has; 0 where a magnet has none."""
     if isinstance(magnet.parameters, PlayMap):
         return magnet.parameters.block(magnet.format).size
@@ -288,78 +307,78 @@ def _words(magnet: ForceController) -> int:
     return block.words.size if isinstance(block, Block) else 0
 
 
-def _type(parameters: object, law: str) -> str:
+def _parameter_type(parameters: object, number_format: str) -> str:
     if isinstance(parameters, HysteresisInverse):
         return parameters.block.c_type
     if isinstance(parameters, PlayMap):
-        return "int16_t" if law == "q31" else "float"
-    return f"anhyst_map_{law}"
+        return "int16_t" if number_format == "q31" else "float"
+    return f"anhyst_map_{number_format}"
 
 
-def _map_of(parameters: object) -> CurrentMap | None:
+def _find_map(parameters: object) -> CurrentMap | None:
     if isinstance(parameters, PlayMap):
         return parameters.map
     return parameters if isinstance(parameters, CurrentMap) else None
 
 
-def _row(values: Sequence[float], text: object = literal) -> str:
-    assert callable(text)
-    return f"{{{', '.join(text(value) for value in values)}}}"
+def _row_text(values: Sequence[float], to_text: object = float_literal) -> str:
+    assert callable(to_text)
+    return f"{{{', '.join(to_text(value) for value in values)}}}"
 
 
-def _table(name: str, values: FloatArray, *, whole: bool = False) -> dict[str, object]:
+def _table_text(name: str, values: FloatArray, *, is_integer: bool = False) -> dict[str, object]:
     lines = values.tolist() if values.ndim == 2 else [values.tolist()]
-    rows = [listed(line) for line in lines]
+    rows = [float_list(line) for line in lines]
     kind = "float"
-    if whole:
+    if is_integer:
         rows = [", ".join(str(int(one)) for one in line) for line in lines]
         kind = "uint16_t" if name.endswith("_shift") else "int32_t"
     return {"name": name, "type": kind, "count": values.size, "rows": rows}
 
 
-def _parameters(name: str, magnet: ForceController) -> str:
+def _parameter_definitions(name: str, magnet: ForceController) -> str:
     """Return the definitions of what a magnet's method knows."""
-    parameters, fixed = magnet.parameters, magnet.format == "fixed"
+    parameters, is_fixed = magnet.parameters, magnet.format == "fixed"
     if isinstance(parameters, HysteresisInverse):
         words_of = f"{name.upper()}_PARAMETERS_WORDS"
-        return definition(name, words_of, parameters.block, NEWTON_AMPERE, GAP)
+        return define_parameters(
+            name, words_of, parameters.block, FORCE_CURRENT_UNITS, GAP_QUANTITY
+        )
     if isinstance(parameters, PlayMap):
-        rows = play_source(parameters.block(magnet.format))
-        size, kind = f"{name.upper()}_PARAMETERS_WORDS", "int16_t" if fixed else "float"
+        rows = play_initialiser(parameters.block(magnet.format))
+        size, kind = f"{name.upper()}_PARAMETERS_WORDS", "int16_t" if is_fixed else "float"
         return f"const {kind} {name}_parameters[{size}] = {{\n{rows}\n}};"
-    table, law = _map_of(parameters), "q31" if fixed else "f32"
+    table, number_format = _find_map(parameters), "q31" if is_fixed else "f32"
     assert table is not None
-    words = table.words() if fixed else table.entries
-    entries = _entries("entries", "Current over force and gap", words)
-    return (
-        f"{entries}\n\nconst anhyst_map_{law} {name}_parameters = {_map('entries', table, fixed)};"
-    )
+    words = table.entry_words() if is_fixed else table.entries
+    entries = _table_definition("entries", "Current over force and gap", words)
+    return f"{entries}\n\nconst anhyst_map_{number_format} {name}_parameters = {_map_text('entries', table, is_fixed)};"
 
 
-def _entries(name: str, doc: str, values: NDArray[np.int16] | FloatArray) -> str:
+def _table_definition(name: str, doc: str, values: NDArray[np.int16] | FloatArray) -> str:
     """Return a table, a row a gap: words of q15, or A."""
     if values.dtype == np.int16:
-        kind, unit, lines = "int16_t", "q15", [table_source(values.astype(np.int16))]
+        kind, unit, lines = "int16_t", "q15", [table_initialiser(values.astype(np.int16))]
     else:
         kind, unit = "float", "A"
-        lines = [line for row in values.tolist() for line in wrapped(listed(row))]
+        lines = [line for row in values.tolist() for line in wrap_row(float_list(row))]
     head = f"/* {doc}, {unit}: a row a gap. */"
     return "\n".join([head, f"static const {kind} {name}[{values.size}] = {{", *lines, "};"])
 
 
-def _map(entries: str, table: CurrentMap, fixed: bool) -> str:
+def _map_text(entries: str, table: CurrentMap, is_fixed: bool) -> str:
     rows, columns = table.entries.shape
-    if fixed:
+    if is_fixed:
         return f"{{{entries}, {(columns - 2).bit_length()}, {(rows - 2).bit_length()}}}"
-    return f"{{{entries}, {columns - 1}, {rows - 1}, {', '.join(map(literal, table.ends))}}}"
+    return f"{{{entries}, {columns - 1}, {rows - 1}, {', '.join(map(float_literal, table.table_range))}}}"
 
 
-def _bytes(magnet: ForceController) -> int:
-    parameters, fixed = magnet.parameters, magnet.format == "fixed"
+def _parameter_bytes(magnet: ForceController) -> int:
+    parameters, is_fixed = magnet.parameters, magnet.format == "fixed"
     if isinstance(parameters, HysteresisInverse):
         return parameters.block.size
     if isinstance(parameters, PlayMap):
         return parameters.block(magnet.format).nbytes
-    table = _map_of(parameters)
+    table = _find_map(parameters)
     assert table is not None
-    return 2 * table.entries.size + 8 if fixed else 4 * table.entries.size + 4 + 2 * 2 + 4 * 4
+    return 2 * table.entries.size + 8 if is_fixed else 4 * table.entries.size + 4 + 2 * 2 + 4 * 4

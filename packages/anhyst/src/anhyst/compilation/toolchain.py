@@ -15,12 +15,12 @@ from pathlib import Path
 
 from anhyst.compensate.block import Kind
 from anhyst.support.atomic import core_folder
+from anhyst.support.cache import compile_and_link
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.kept import compile_and_link
 
 
 @dataclass(frozen=True, slots=True)
-class Missing:
+class MissingTool:
     """A tool that a target would need and that is not there."""
 
     target: str  # who needs it
@@ -32,10 +32,10 @@ class Missing:
         return f"{self.target}: {self.tool} ({self.install})"
 
 
-def missing_programs(target: str, packages: Mapping[str, str]) -> tuple[Missing, ...]:
+def missing_programs(target: str, packages: Mapping[str, str]) -> tuple[MissingTool, ...]:
     """Return the programs that are not installed."""
     return tuple(
-        Missing(target, name, f"apt install {package}")
+        MissingTool(target, name, f"apt install {package}")
         for name, package in packages.items()
         if shutil.which(name) is None
     )
@@ -43,10 +43,10 @@ def missing_programs(target: str, packages: Mapping[str, str]) -> tuple[Missing,
 
 def missing_modules(
     target: str, names: Iterable[str], extra: str = "anhyst[verify]"
-) -> tuple[Missing, ...]:
+) -> tuple[MissingTool, ...]:
     """Return the Python packages of an extra that are not installed."""
     return tuple(
-        Missing(target, name, f"pip install '{extra}'")
+        MissingTool(target, name, f"pip install '{extra}'")
         for name in names
         if importlib.util.find_spec(name) is None
     )
@@ -61,14 +61,19 @@ def actuator_defines(name: str) -> dict[str, str]:
     return {"ACTUATOR_NAME": name, "ACTUATOR_MACRO": name.upper()}
 
 
-WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
-FREESTANDING = ("-ffreestanding", "-nostdlib", "-fno-sanitize=undefined", "-fomit-frame-pointer")
-TIME_LIMIT = 300.0
+WARNING_FLAGS = ("-Wall", "-Wextra", "-Wconversion")
+FREESTANDING_FLAGS = (
+    "-ffreestanding",
+    "-nostdlib",
+    "-fno-sanitize=undefined",
+    "-fomit-frame-pointer",
+)
+TIME_LIMIT_S = 300.0
 
 
-def zig_cc(wanted_by: str) -> list[str]:
+def zig_cc(target: str) -> list[str]:
     """Return the command of the C compiler inside the PyPI package ziglang."""
-    for missing in missing_modules(wanted_by, ["ziglang"]):
+    for missing in missing_modules(target, ["ziglang"]):
         raise InputError(f"target {missing.text()}", code="tool-missing", key=missing.tool)
     return [sys.executable, "-m", "ziglang", "cc"]
 
@@ -85,9 +90,9 @@ class Build:
 
     def options(self) -> list[str]:
         """Return what is said to the compiler of every source."""
-        return ["-std=c99", *WARNINGS, *self.flags]
+        return ["-std=c99", *WARNING_FLAGS, *self.flags]
 
-    def search(self) -> list[str]:
+    def preprocessor_options(self) -> list[str]:
         """Return macros and folders of headers as the compiler is told."""
         return [
             *(f"-D{name}={value}" for name, value in self.defines.items()),
@@ -95,15 +100,15 @@ class Build:
         ]
 
 
-def compile_c(compiler: Sequence[str], build: Build, output: Path, wanted_by: str) -> int:
+def compile_c(compiler: Sequence[str], build: Build, output: Path, target: str) -> int:
     """Compile and link; return the number of warnings."""
     messages = compile_and_link(
         compiler,
         build.options(),
-        build.search(),
+        build.preprocessor_options(),
         build.sources,
         [*build.libraries, "-o", str(output)],
-        partial(run_tool, wanted_by=wanted_by),
+        partial(run_tool, target=target),
     )
     return sum(": warning:" in line for text in messages for line in text.splitlines())
 
@@ -116,7 +121,7 @@ def compile_cortex_m(cpu: str, build: Build, linker_script: Path, output: Path) 
         "-target",
         "thumb-freestanding-eabihf" if float_unit else "thumb-freestanding-eabi",
         f"-mcpu={cpu}",
-        *FREESTANDING,
+        *FREESTANDING_FLAGS,
         "-rtlib=compiler-rt",
         "-T",
         str(linker_script),
@@ -125,27 +130,27 @@ def compile_cortex_m(cpu: str, build: Build, linker_script: Path, output: Path) 
     return compile_c(compiler, build, output, name)
 
 
-def run_tool(command: Sequence[str], wanted_by: str) -> str:
+def run_tool(command: Sequence[str], target: str) -> str:
     """Run a compiler or linker and return what it complains about."""
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command,
             capture_output=True,
             text=True,
             errors="replace",
-            timeout=TIME_LIMIT,
+            timeout=TIME_LIMIT_S,
             check=False,
         )
     except subprocess.TimeoutExpired:
         raise NegativeResult(
-            f"target {wanted_by}: {Path(command[0]).name} did not end within {TIME_LIMIT:.0f} s",
+            f"target {target}: {Path(command[0]).name} did not end within {TIME_LIMIT_S:.0f} s",
             code="time-limit",
-            key=wanted_by,
+            key=target,
         ) from None
-    if done.returncode:
-        text = f"target {wanted_by}: does not compile: {_first_error(done.stderr)}"
-        raise NegativeResult(text, code="does-not-compile", key=wanted_by)
-    return done.stderr
+    if process.returncode:
+        text = f"target {target}: does not compile: {_first_error(process.stderr)}"
+        raise NegativeResult(text, code="does-not-compile", key=target)
+    return process.stderr
 
 
 def _first_error(text: str) -> str:
@@ -156,66 +161,66 @@ def _first_error(text: str) -> str:
     return lines[0] if lines else "no reason given"
 
 
-_COMPENSATOR = ("compensator/block.c", "compensator/compensator.c")
+_COMPENSATOR_SOURCES = ("compensator/block.c", "compensator/compensator.c")
 
-SOURCES: dict[Kind, tuple[str, ...]] = {
-    "full": (*_COMPENSATOR, "compensator/full.c"),
-    "simplified": (*_COMPENSATOR, "compensator/simplified.c"),
-    "cells": (*_COMPENSATOR, "compensator/cells.c"),
-    "euler": (*_COMPENSATOR, "compensator/euler.c"),
+KIND_SOURCES: dict[Kind, tuple[str, ...]] = {
+    "full": (*_COMPENSATOR_SOURCES, "compensator/full.c"),
+    "simplified": (*_COMPENSATOR_SOURCES, "compensator/simplified.c"),
+    "cells": (*_COMPENSATOR_SOURCES, "compensator/cells.c"),
+    "euler": (*_COMPENSATOR_SOURCES, "compensator/euler.c"),
 }
 """Sources of each kind in fixed point."""
 
-AROUND = ("compensator/watch.c", "compensator/saved.c")
-AROUND_SINGLE = ("compensator/watch_f32.c", "compensator/saved_f32.c")
+MONITOR_SOURCES = ("compensator/watch.c", "compensator/saved.c")
+MONITOR_SOURCES_F32 = ("compensator/watch_f32.c", "compensator/saved_f32.c")
 """What an interrupt and a power cycle need beyond solve and commit."""
 
-_COMPENSATOR_REAL = ("compensator/block_f32.c", "compensator/compensator_f32.c")
+_COMPENSATOR_SOURCES_F32 = ("compensator/block_f32.c", "compensator/compensator_f32.c")
 
-SINGLE: dict[Kind, tuple[str, ...]] = {
-    "full": (*_COMPENSATOR_REAL, "compensator/full_f32.c"),
-    "cells": (*_COMPENSATOR_REAL, "compensator/cells_f32.c"),
-    "simplified": (*_COMPENSATOR_REAL, "compensator/simplified_f32.c"),
+KIND_SOURCES_F32: dict[Kind, tuple[str, ...]] = {
+    "full": (*_COMPENSATOR_SOURCES_F32, "compensator/full_f32.c"),
+    "cells": (*_COMPENSATOR_SOURCES_F32, "compensator/cells_f32.c"),
+    "simplified": (*_COMPENSATOR_SOURCES_F32, "compensator/simplified_f32.c"),
 }
 """The same for single precision."""
 
-PIDD2 = ("control/pidd2.c",)
+PIDD2_SOURCES = ("control/pidd2.c",)
 """PIDD2 alone, in fixed point."""
 
-CONTROL = (
-    *PIDD2,
+CONTROL_SOURCES = (
+    *PIDD2_SOURCES,
     *("compensator/map.c", "compensator/force_controller.c"),
     *("control/supervisor.c", "control/levitation.c", "control/position.c"),
 )
 """What a controller of the position needs beyond a compensator."""
 
-AXES = (
+AXES_SOURCES_F32 = (
     *("control/allocation_f32.c", "control/biquad_f32.c"),
     *("control/wrench_f32.c", "control/axes_f32.c"),
 )
 """What the controller of a stage needs in single precision beyond its force controllers."""
 
-AXES_FIXED = ("control/allocation.c", "control/wrench_fixed.c", "control/axes_fixed.c")
+AXES_SOURCES_FIXED = ("control/allocation.c", "control/wrench_fixed.c", "control/axes_fixed.c")
 """The same in fixed point."""
 
-FORCE_REAL = (
+FORCE_SOURCES_F32 = (
     *("compensator/force_controller_f32.c", "compensator/map_f32.c"),
-    *_COMPENSATOR_REAL,
+    *_COMPENSATOR_SOURCES_F32,
 )
-FORCE_FIXED = (*_COMPENSATOR, "compensator/force_controller.c", "compensator/map.c")
-FORCE_CODED = (*FORCE_FIXED, "compensator/force_coded_f32.c")
+FORCE_SOURCES_FIXED = (*_COMPENSATOR_SOURCES, "compensator/force_controller.c", "compensator/map.c")
+FORCE_SOURCES_CODED = (*FORCE_SOURCES_FIXED, "compensator/force_coded_f32.c")
 """These in single precision, in fixed point, and in fixed point behind single precision, beyond the
 kernel of a law."""
 
-PLAY_MAP = ("compensator/play_map.c", "compensator/force_by_play.c")
-PLAY_MAP_REAL = ("compensator/play_map_f32.c", "compensator/force_by_play_f32.c")
-CORRECTED_REAL = ("compensator/force_corrected_f32.c",)
+PLAY_MAP_SOURCES_FIXED = ("compensator/play_map.c", "compensator/force_by_play.c")
+PLAY_MAP_SOURCES_F32 = ("compensator/play_map_f32.c", "compensator/force_by_play_f32.c")
+CORRECTED_SOURCES_F32 = ("compensator/force_corrected_f32.c",)
 """And where a map with one play finds the current, or calibration corrects it."""
 
-INCLUDE = "include"
-SRC = "src"
+INCLUDE_FOLDER = "include"
+SOURCE_FOLDER = "src"
 
-_INCLUDED = re.compile(r'^#include "([^"]+)"$', re.M)
+_INCLUDE_LINE = re.compile(r'^#include "([^"]+)"$', re.M)
 
 
 def read_core(name: str) -> str:
@@ -223,7 +228,7 @@ def read_core(name: str) -> str:
     return (core_folder() / name).read_text(encoding="utf-8")
 
 
-ROOM = f"{INCLUDE}/anhyst/compensator/plays.h"
+MEMORIES_HEADER = f"{INCLUDE_FOLDER}/anhyst/compensator/plays.h"
 """Says how many memories of its law a compensator has room for."""
 
 
@@ -233,19 +238,23 @@ def core_files(sources: Iterable[str], memories: int = 1) -> dict[str, str]:
     With more than one memory the header that says so is made to.
     """
     files: dict[str, str] = {}
-    waiting = [f"{SRC}/{name}" for name in sources]
-    while waiting:
-        name = waiting.pop()
+    pending = [f"{SOURCE_FOLDER}/{name}" for name in sources]
+    while pending:
+        name = pending.pop()
         if name not in files:
             files[name] = read_core(name)
-            waiting += [_header_path(name, included) for included in _INCLUDED.findall(files[name])]
+            pending += [
+                _header_path(name, included) for included in _INCLUDE_LINE.findall(files[name])
+            ]
     if memories > 1:
-        files[ROOM] = files[ROOM].replace("ANHYST_MEMORIES 1", f"ANHYST_MEMORIES {memories}")
+        files[MEMORIES_HEADER] = files[MEMORIES_HEADER].replace(
+            "ANHYST_MEMORIES 1", f"ANHYST_MEMORIES {memories}"
+        )
     return dict(sorted(files.items()))
 
 
 def _header_path(file: str, included: str) -> str:
     """Return where a header stands that a file names: a public one, or one beside the file."""
     if included.startswith("anhyst/"):
-        return f"{INCLUDE}/{included}"
+        return f"{INCLUDE_FOLDER}/{included}"
     return posixpath.normpath(f"{file.rpartition('/')[0]}/{included}")

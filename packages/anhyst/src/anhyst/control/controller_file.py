@@ -20,7 +20,7 @@ from anhyst.control.position import Levitation, PositionControl, PositionLimits,
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import CONTROLLER, MethodName, NumberFormat
+from anhyst.support.kinds import CONTROLLER_FILE, MethodName, NumberFormat
 from anhyst.support.toml_file import (
     FileFault,
     NotNegative,
@@ -28,22 +28,21 @@ from anhyst.support.toml_file import (
     Positive,
     Share,
     Table,
+    check_order,
     faults_error,
-    ordered,
     read_toml,
 )
-from anhyst.support.toml_text import Path as KeyPath
-from anhyst.support.toml_text import toml_value
+from anhyst.support.toml_text import KeyPath, toml_value
 
 Ticks = Annotated[int, Field(ge=0, le=65535)]
 
-RELEASE_S = 0.1
+RELEASE_TIME_S = 0.1
 """Time in which the largest current goes to zero when nothing is controlled, s."""
 
-FINEST_STEP = 1e-9
+MIN_STEP_M = 1e-9
 """Least that a gap may be allowed to change from tick to tick, m."""
 
-CONVERTER_BITS = 16
+DEFAULT_CONVERTER_BITS = 16
 """Of the converter of the current references, where the file does not say."""
 
 
@@ -56,7 +55,7 @@ class DesignTable(Table):
     virtual_mass_kg: Number = 0.0
 
     @model_validator(mode="after")
-    def _massive(self) -> Self:
+    def _check_mass(self) -> Self:
         if not self.mass_kg + self.virtual_mass_kg > 0.0:
             text = "virtual_mass_kg takes away all of mass_kg; raise it"
             raise InputError(text, code="virtual-mass-too-negative")
@@ -92,20 +91,20 @@ class LimitsTable(Table):
 
     @field_validator("step_m")
     @classmethod
-    def _above_rounding(cls, step: float) -> float:
-        if step < FINEST_STEP:
+    def _check_step(cls, step: float) -> float:
+        if step < MIN_STEP_M:
             raise InputError(
-                f"{step:g} m is below {FINEST_STEP:g} m, less than any position sensor's noise: no "
+                f"{step:g} m is below {MIN_STEP_M:g} m, less than any position sensor's noise: no "
                 "reading would count; raise it",
                 code="step-too-fine",
             )
         return step
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        ordered("force_low_N", self.force_low_N, "force_high_N", self.force_high_N)
-        ordered("current_low_A", self.current_low_A, "current_high_A", self.current_high_A)
-        ordered("gap_low_m", self.gap_low_m, "gap_high_m", self.gap_high_m)
+    def _check_order(self) -> Self:
+        check_order("force_low_N", self.force_low_N, "force_high_N", self.force_high_N)
+        check_order("current_low_A", self.current_low_A, "current_high_A", self.current_high_A)
+        check_order("gap_low_m", self.gap_low_m, "gap_high_m", self.gap_high_m)
         return self
 
 
@@ -126,8 +125,8 @@ class ConverterTable(Table):
     bits: Annotated[int, Field(ge=4, le=20)]
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        ordered("low_A", self.low_A, "high_A", self.high_A)
+    def _check_order(self) -> Self:
+        check_order("low_A", self.low_A, "high_A", self.high_A)
         return self
 
 
@@ -197,21 +196,23 @@ class ControllerTable(Table):
         return Pidd2(
             rate=self.rate_Hz,
             **asdict(self.pidd2_gains()),
-            **self._named("cutoff", "cutoff_2", "low", "high"),
+            **self._values_by_name("cutoff", "cutoff_2", "low", "high"),
             weight=self.set_point_weight,
         )
 
-    def _named(self, *names: str) -> dict[str, Any]:
+    def _values_by_name(self, *names: str) -> dict[str, Any]:
         """Return what the file says of some names of :mod:`anhyst.control`."""
-        places = {name: _KEYS[name] for name in names}
+        places = {name: _FILE_KEYS[name] for name in names}
         return {name: getattr(getattr(self, table), key) for name, (table, key) in places.items()}
 
-    def converter_of_currents(self) -> ReferenceConverter:
+    def current_converter(self) -> ReferenceConverter:
         """Return the converter of the references; where none is named, one over their limits."""
-        if (own := self.converter) is not None:
-            return ReferenceConverter(own.low_A, own.high_A, own.bits)
+        if (converter := self.converter) is not None:
+            return ReferenceConverter(converter.low_A, converter.high_A, converter.bits)
         limits = self.limits
-        return ReferenceConverter(limits.current_low_A, limits.current_high_A, CONVERTER_BITS)
+        return ReferenceConverter(
+            limits.current_low_A, limits.current_high_A, DEFAULT_CONVERTER_BITS
+        )
 
     def force_max(self, pair: PairTable | None) -> float:
         """Return the largest force of one magnet, N."""
@@ -241,11 +242,15 @@ class ControllerTable(Table):
         return PositionControl(
             pidd2=self.pidd2(),
             levitation=Levitation(
-                **self._named("detect", "rise_speed", "descend_speed", "lift_rate", "set_down_rate")
+                **self._values_by_name(
+                    "detect", "rise_speed", "descend_speed", "lift_rate", "set_down_rate"
+                )
             ),
             limits=PositionLimits(
-                **self._named("gap_low", "gap_high", "step", "current_low", "current_high"),
-                release=self.limits.current_high_A / RELEASE_S,
+                **self._values_by_name(
+                    "gap_low", "gap_high", "step", "current_low", "current_high"
+                ),
+                release=self.limits.current_high_A / RELEASE_TIME_S,
                 max_missing_samples=self.safety.max_missing_samples,
                 hold=self.safety.hold_ticks,
             ),
@@ -253,7 +258,7 @@ class ControllerTable(Table):
             scales=scales,
             bias=0.0 if pair is None else pair.bias_force_N,
             gap_total=None if pair is None else pair.gap_total_m,
-            measured=self.compensation.applied == "measured",
+            uses_measured_currents=self.compensation.applied == "measured",
             flux_full_scale=flux_full_scale,
         )
 
@@ -275,13 +280,13 @@ class ControllerFile:
 def read_controller(path: PathLike) -> ControllerFile:
     """Read a controller file."""
     file = Path(path)
-    settings = read_toml(file, ControllerTable, [CONTROLLER])
-    if faults := _own_faults(settings):
+    settings = read_toml(file, ControllerTable, [CONTROLLER_FILE])
+    if faults := _find_faults(settings):
         raise faults_error(file, faults)
     return ControllerFile(file, settings)
 
 
-def _own_faults(settings: ControllerTable) -> list[FileFault]:
+def _find_faults(settings: ControllerTable) -> list[FileFault]:
     faults: list[FileFault] = []
     if settings.design is not None and settings.gains is not None:
         text = "stands beside [design]; keep one of the two tables"
@@ -306,7 +311,7 @@ def _own_faults(settings: ControllerTable) -> list[FileFault]:
     return faults
 
 
-_KEYS: Mapping[str, tuple[str, str]] = {
+_FILE_KEYS: Mapping[str, tuple[str, str]] = {
     **{name: ("limits", f"{name}_m") for name in ("step", "gap_low", "gap_high")},
     **{name: ("limits", f"{name}_A") for name in ("current_low", "current_high")},
     **{name: ("limits", f"force_{name}_N") for name in ("low", "high")},
@@ -334,7 +339,7 @@ def error_at_key(file: ControllerFile) -> Iterator[None]:
         yield
     except InputError as error:
         name, _, text = str(error).partition(": ")
-        key: KeyPath = _KEYS.get(name, ())
+        key: KeyPath = _FILE_KEYS.get(name, ())
         if key[:1] == ("gains",) and file.settings.gains is None:
             key = ("design", "bandwidth_Hz")  # all gains grow with it
             text = str(error)
@@ -343,7 +348,7 @@ def error_at_key(file: ControllerFile) -> Iterator[None]:
         ) from error
 
 
-HEADS = {
+TABLE_COMMENTS = {
     "design": "gains from what moves, how fast and how well damped",
     "gains": "of the position controller",
     "filter": "low-passes of the first and of the second derivative",
@@ -371,12 +376,12 @@ def controller_text(settings: ControllerTable, note: str) -> str:
     for key in type(settings).model_fields:
         value = getattr(settings, key)
         if isinstance(value, BaseModel):
-            tables += ["", f"[{key}]".ljust(20) + f"# {HEADS[key]}", *_keys(value)]
+            tables += ["", f"[{key}]".ljust(20) + f"# {TABLE_COMMENTS[key]}", *_key_lines(value)]
         elif value is not None:
             lines.append(f"{key} = {toml_value(value)}")
     return "\n".join([*lines, *tables]) + "\n"
 
 
-def _keys(table: BaseModel) -> list[str]:
+def _key_lines(table: BaseModel) -> list[str]:
     values = ((key, getattr(table, key)) for key in type(table).model_fields)
     return [f"{key} = {toml_value(value)}" for key, value in values if value is not None]

@@ -24,10 +24,10 @@ from anhyst.support.numeric import FloatArray
 if TYPE_CHECKING:
     from control import TransferFunction
 
-INPUTS = ("reference", "position", "load")
-OUTPUT = "demand"
+INPUT_NAMES = ("reference", "position", "load")
+OUTPUT_NAME = "demand"
 
-_ROUNDING = 1e-12  # of a polynomial's coefficients, relative to their sum
+_RELATIVE_ROUNDING = 1e-12  # of a polynomial's coefficients, relative to their sum
 _W = Polynomial([0.0, 1.0])  # z - 1
 
 
@@ -35,20 +35,24 @@ def to_control(controller: Pidd2 | FixedPidd2) -> TransferFunction:
     """Return what the core computes between its limits."""
     library = control_library()
     p, k, d, e, load, _, s, t, weight = (float(x) for x in controller.per_tick[:9])
-    integrates, first, second = k != 0.0, d != 0.0 or e != 0.0, e != 0.0
-    whole = Polynomial([1.0])
-    under_integral = _W if integrates else whole
-    under_first = _W + s if first else whole
-    under_second = _W + t if second else whole
-    denominator = under_integral * under_first * under_second
-    position = p * denominator + k * under_first * under_second
-    position = position + d * s * _W * under_integral * under_second
-    position = position + e * s * t * _W**2 * under_integral
-    reference = weight * p * under_integral + k
-    rows = [(reference, under_integral), (-position, denominator), (Polynomial([load]), whole)]
-    above, below = ([[_in_z(row[side]) for row in rows]] for side in (0, 1))
-    signals = {"inputs": list(INPUTS), "outputs": [OUTPUT]}
-    return library.TransferFunction(above, below, dt=1.0 / controller.rate, name="pidd2", **signals)
+    has_integral, has_first_filter, has_second_filter = k != 0.0, d != 0.0 or e != 0.0, e != 0.0
+    one = Polynomial([1.0])
+    integral_factor = _W if has_integral else one
+    first_factor = _W + s if has_first_filter else one
+    second_factor = _W + t if has_second_filter else one
+    denominator = integral_factor * first_factor * second_factor
+    position = p * denominator + k * first_factor * second_factor
+    position = position + d * s * _W * integral_factor * second_factor
+    position = position + e * s * t * _W**2 * integral_factor
+    reference = weight * p * integral_factor + k
+    rows = [(reference, integral_factor), (-position, denominator), (Polynomial([load]), one)]
+    numerators, denominators = (
+        [[_coefficients_in_z(row[side]) for row in rows]] for side in (0, 1)
+    )
+    signals = {"inputs": list(INPUT_NAMES), "outputs": [OUTPUT_NAME]}
+    return library.TransferFunction(
+        numerators, denominators, dt=1.0 / controller.rate, name="pidd2", **signals
+    )
 
 
 def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -> Pidd2:
@@ -56,21 +60,23 @@ def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -
     control_library()
     _check_time(transfer, rate)
     if (transfer.noutputs, transfer.ninputs) == (1, 1):
-        p, k, d, e, shares = _parts(transfer.num[0][0], transfer.den[0][0])
+        p, k, d, e, shares = _gains_and_shares(transfer.num[0][0], transfer.den[0][0])
         load = 0.0
     elif (transfer.noutputs, transfer.ninputs) == (1, 3):
-        p, k, d, e, shares = _parts(-np.asarray(transfer.num[0][1]), transfer.den[0][1])
-        weight = _weight(transfer, p, k)
-        load = _constant(transfer.num[0][2], transfer.den[0][2])
+        p, k, d, e, shares = _gains_and_shares(-np.asarray(transfer.num[0][1]), transfer.den[0][1])
+        weight = _read_weight(transfer, p, k)
+        load = _read_constant(transfer.num[0][2], transfer.den[0][2])
     else:
         raise InputError(
             f"transfer function: has {transfer.ninputs} inputs and {transfer.noutputs} outputs; "
-            "give one from the error, or one with " + ", ".join(INPUTS),
+            "give one from the error, or one with " + ", ".join(INPUT_NAMES),
             code="signals-wrong",
         )
     # of a low-pass that passes this share of a step in one tick, Hz
     cutoff, cutoff_2 = (
-        -math.log1p(-share) * rate / (2.0 * math.pi) if share < 1.0 - _ROUNDING else math.inf
+        -math.log1p(-share) * rate / (2.0 * math.pi)
+        if share < 1.0 - _RELATIVE_ROUNDING
+        else math.inf
         for share in shares
     )
     return Pidd2(
@@ -96,17 +102,17 @@ def control_library() -> Any:
     return control
 
 
-def _in_z(over_w: Polynomial) -> FloatArray:
+def _coefficients_in_z(over_w: Polynomial) -> FloatArray:
     """Return the coefficients over z, highest first, of a polynomial over w = z - 1."""
     return np.asarray(over_w(Polynomial([-1.0, 1.0])).coef[::-1])
 
 
-def _over_w(coefficients: FloatArray) -> FloatArray:
+def _coefficients_in_w(coefficients: FloatArray) -> FloatArray:
     """Return the coefficients over w = z - 1, lowest first, rounding taken for zero."""
     ascending = np.atleast_1d(np.asarray(coefficients, dtype=float))
-    moved = np.array(Polynomial(ascending[::-1])(Polynomial([1.0, 1.0])).coef, dtype=np.float64)
-    moved[np.abs(moved) < _ROUNDING * np.sum(np.abs(ascending))] = 0.0
-    return moved[: 1 + max(np.flatnonzero(moved), default=0)]
+    shifted = np.array(Polynomial(ascending[::-1])(Polynomial([1.0, 1.0])).coef, dtype=np.float64)
+    shifted[np.abs(shifted) < _RELATIVE_ROUNDING * np.sum(np.abs(ascending))] = 0.0
+    return shifted[: 1 + max(np.flatnonzero(shifted), default=0)]
 
 
 def _check_time(transfer: TransferFunction, rate: float) -> None:
@@ -127,17 +133,17 @@ def _check_time(transfer: TransferFunction, rate: float) -> None:
         )
 
 
-def _parts(
+def _gains_and_shares(
     numerator: FloatArray, denominator: FloatArray
 ) -> tuple[float, float, float, float, tuple[float, float]]:
     """Return P, K, D, E and the shares of both filters."""
-    below = _over_w(denominator)
-    above = _over_w(numerator)
+    below = _coefficients_in_w(denominator)
+    above = _coefficients_in_w(numerator)
     if not np.any(below):
         raise InputError("transfer function: its denominator is zero", code="denominator-zero")
-    integrates = below[0] == 0.0
-    rest = below[1:] if integrates else below  # of the filters alone
-    if len(rest) > 3 or rest[0] == 0.0:
+    has_integral = below[0] == 0.0
+    filters = below[1:] if has_integral else below  # of the filters alone
+    if len(filters) > 3 or filters[0] == 0.0:
         raise InputError(
             "transfer function: has more than an integrator and two other poles; a PIDD2 has no "
             "more (control.minreal removes poles that cancel)",
@@ -147,14 +153,14 @@ def _parts(
         raise InputError(
             "transfer function: has more zeros than poles, so it looks ahead", code="looks-ahead"
         )
-    above = np.pad(above, (0, 4 - len(above))) / rest[-1]
-    shares = _shares(rest / rest[-1])
+    above = np.pad(above, (0, 4 - len(above))) / filters[-1]
+    shares = _filter_shares(filters / filters[-1])
     s, t = shares
-    if not integrates:
+    if not has_integral:
         above = np.concatenate([[0.0], above[:3]])
     # Over (z - 1)(z - 1 + s)(z - 1 + t); a filter that is not there passes all, s = 1, and its
     # factor z cancels.
-    for _ in range(3 - len(rest)):
+    for _ in range(3 - len(filters)):
         above = above + np.concatenate([[0.0], above[:3]])
     k = above[0] / (s * t)
     p = (above[1] - k * (s + t)) / (s * t)
@@ -164,34 +170,34 @@ def _parts(
     return (float(p), float(k), float(d), float(e) if abs(e) * s * t > 1e-9 * size else 0.0, shares)
 
 
-def _shares(rest: FloatArray) -> tuple[float, float]:
+def _filter_shares(filters: FloatArray) -> tuple[float, float]:
     """Return the shares of two filters, the larger first, from (w + s)(w + t)."""
-    if len(rest) == 1:
+    if len(filters) == 1:
         return 1.0, 1.0
-    if len(rest) == 2:
-        shares = (float(rest[0]), 1.0)
+    if len(filters) == 2:
+        shares = (float(filters[0]), 1.0)
     else:
-        product, total = float(rest[0]), float(rest[1])
-        under = (total / 2.0) ** 2 - product
-        if under < -1e-9 * total**2:
+        product, total = float(filters[0]), float(filters[1])
+        discriminant = (total / 2.0) ** 2 - product
+        if discriminant < -1e-9 * total**2:
             text = "transfer function: has complex poles, which no filter of a PIDD2 has"
             raise InputError(text, code="complex-poles")
-        larger = total / 2.0 + math.copysign(math.sqrt(max(0.0, under)), total)
+        larger = total / 2.0 + math.copysign(math.sqrt(max(0.0, discriminant)), total)
         shares = (larger, product / larger)
-    if not all(0.0 < share <= 1.0 + _ROUNDING for share in shares):
+    if not all(0.0 < share <= 1.0 + _RELATIVE_ROUNDING for share in shares):
         poles = ", ".join(f"{1.0 - share:g}" for share in shares)
         text = f"transfer function: poles at {poles}; filters have theirs within 0..1"
         raise InputError(text, code="poles-out-of-range")
     return shares
 
 
-def _weight(transfer: TransferFunction, p: float, k: float) -> float:
+def _read_weight(transfer: TransferFunction, p: float, k: float) -> float:
     """Read the weight of the set point from the way of the reference."""
-    above = _over_w(transfer.num[0][0])
-    below = _over_w(transfer.den[0][0])
+    above = _coefficients_in_w(transfer.num[0][0])
+    below = _coefficients_in_w(transfer.den[0][0])
     order = 1 if k == 0.0 else 2
-    integrates = len(below) == 2 and below[0] == 0.0
-    if len(below) != order or len(above) > order or (order == 2 and not integrates):
+    has_integral = len(below) == 2 and below[0] == 0.0
+    if len(below) != order or len(above) > order or (order == 2 and not has_integral):
         text = "must pass proportionally and through the integral only"
         raise wrong_key("reference", text, code="not-a-pidd2")
     above = above / below[-1]
@@ -206,9 +212,9 @@ def _weight(transfer: TransferFunction, p: float, k: float) -> float:
     return nearest if math.isclose(weight, nearest, abs_tol=1e-9) else weight
 
 
-def _constant(numerator: FloatArray, denominator: FloatArray) -> float:
+def _read_constant(numerator: FloatArray, denominator: FloatArray) -> float:
     """Return the value of a function that must be one number."""
-    above, below = _over_w(numerator), _over_w(denominator)
+    above, below = _coefficients_in_w(numerator), _coefficients_in_w(denominator)
     if len(above) != 1 or len(below) != 1:
         raise wrong_key("load", "must be fed forward by one number", code="not-a-pidd2")
     return float(above[0] / below[0])

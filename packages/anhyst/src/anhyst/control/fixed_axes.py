@@ -15,31 +15,31 @@ from numpy.typing import NDArray
 
 from anhyst._core import FixedAxes, FixedForceController, ForceController, ForceControllerF32
 from anhyst.support.errors import InputError, wrong_key
-from anhyst.support.numeric import FloatArray, q31
+from anhyst.support.numeric import FloatArray, to_q31
 
 _ROW_BITS, _ROW_SHIFT = 27, 58
 _PID_BITS, _PID_SHIFT = 29, 29
-_LEAST_NUMBER = 512  # rounded to 0.1 %
+_MIN_PID_NUMBER = 512  # rounded to 0.1 %
 _Q31, _Q30 = 2.0**31, 2.0**30
-ROOM = 2.0
+FULL_SCALE_MARGIN = 2.0
 """By how much full scales are larger than what is believed or can be made."""
 
-_ADAPTED = ("wrench", "head", "current", "gap_low", "gap_high")
+_CORE_SCALES = ("wrench", "head", "current", "gap_low", "gap_high")
 Words = dict[str, NDArray[Any]]
-Drive = ForceController | ForceControllerF32 | FixedForceController
+CoreForceController = ForceController | ForceControllerF32 | FixedForceController
 """A force controller of the core; in fixed point it takes those in fixed point alone."""
 
 
-class Drives(NamedTuple):
+class DriveLayout(NamedTuple):
     """Lines of action of the drives, SI."""
 
-    pull: FloatArray  # wrench of 1 N of each, a row a drive
-    against: Sequence[int]  # for each that which pulls against it, itself where it is alone
-    yields: Sequence[float]  # how readily each coordinate is given up, of 1
+    unit_wrench: FloatArray  # wrench of 1 N of each, a row a drive
+    opponents: Sequence[int]  # for each that which pulls against it, itself where it is alone
+    yield_weights: Sequence[float]  # how readily each coordinate is given up, of 1
     allocation: int
-    idle: float  # N, of both of a pair
-    least: float  # N, of a drive that is alone
-    most: float  # N
+    idle_force: float  # N, of both of a pair
+    force_min: float  # N, of a drive that is alone
+    force_max: float  # N
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class FixedScales:
     def gaps(self, gap: FloatArray) -> FloatArray:
         """Return codes of gaps."""
         span = self.gap_high - self.gap_low
-        return codes(np.clip(gap - self.gap_low, 0.0, span), span)
+        return signal_codes(np.clip(gap - self.gap_low, 0.0, span), span)
 
 
 @dataclass(frozen=True)
@@ -70,95 +70,101 @@ class FixedController:
     """All of a controller in fixed point, by the names of the core."""
 
     words: Words  # tables, `..._shift` beside those that are rows
-    numbers: dict[str, int]
+    integers: dict[str, int]
     scales: FixedScales
-    at: FloatArray  # what each head reads of a pose, a row a head
+    head_rows: FloatArray  # what each head reads of a pose, a row a head
 
-    def over(self, magnets: Sequence[Drive], flux: float) -> FixedAxes:
+    def make_core(self, magnets: Sequence[CoreForceController], flux: float) -> FixedAxes:
         """Return the controller over force controllers whose full scale of the flux density is that."""
-        own = {key: value for key, value in self.scales.as_dict().items() if key in _ADAPTED}
-        full = own | {"at": self.at.ravel().tolist(), "flux": flux}
-        return FixedAxes(list(magnets), self.words, self.numbers, full)
+        scales = {key: value for key, value in self.scales.as_dict().items() if key in _CORE_SCALES}
+        full = scales | {"at": self.head_rows.ravel().tolist(), "flux": flux}
+        return FixedAxes(list(magnets), self.words, self.integers, full)
 
 
-def codes(value: FloatArray, full: float | FloatArray) -> FloatArray:
+def signal_codes(value: FloatArray, full_scale: float | FloatArray) -> FloatArray:
     """Return the nearest codes of signals, the lowest number for what is none."""
-    placed = np.clip(np.floor(value / full * _Q31 + 0.5), 1.0 - _Q31, _Q31 - 1.0)
-    return np.where(np.isnan(placed), -_Q31, placed)
+    saturated = np.clip(np.floor(value / full_scale * _Q31 + 0.5), 1.0 - _Q31, _Q31 - 1.0)
+    return np.where(np.isnan(saturated), -_Q31, saturated)
 
 
-def fixed_wrench(drives: Drives, wrench: FloatArray, force: float) -> tuple[Words, dict[str, int]]:
+def make_fixed_allocation(
+    drives: DriveLayout, wrench: FloatArray, force: float
+) -> tuple[Words, dict[str, int]]:
     """Return words and numbers of how a wrench is shared out, from full scales of both."""
-    against = np.array(drives.against)
-    first = against >= np.arange(len(against))
-    size = np.sqrt((drives.pull**2).sum(axis=0))
-    pull = np.where(first[:, None], drives.pull / size, 0.0).T
-    own = np.diag(first.astype(float))
-    words: Words = {"against": against[:, None].astype(float)}
-    for name, yields in (("whole", 0.0 * size), ("yields", np.array(drives.yields))):
-        made = np.linalg.solve(pull @ pull.T + np.diag(yields), pull).T
-        words |= _rows(name, (made / size) * wrench / (8.0 * force))
-        words[f"{name}_apart"] = np.clip(np.round((own - made @ pull) * _Q30), -_Q30, _Q30)
-    return _exact(words), {
+    opponents = np.array(drives.opponents)
+    is_first = opponents >= np.arange(len(opponents))
+    size = np.sqrt((drives.unit_wrench**2).sum(axis=0))
+    normalised = np.where(is_first[:, None], drives.unit_wrench / size, 0.0).T
+    identity = np.diag(is_first.astype(float))
+    words: Words = {"against": opponents[:, None].astype(float)}
+    for name, yields in (("whole", 0.0 * size), ("yields", np.array(drives.yield_weights))):
+        allocation = np.linalg.solve(normalised @ normalised.T + np.diag(yields), normalised).T
+        words |= _scale_rows(name, (allocation / size) * wrench / (8.0 * force))
+        words[f"{name}_apart"] = np.clip(
+            np.round((identity - allocation @ normalised) * _Q30), -_Q30, _Q30
+        )
+    return _as_core_integers(words), {
         "axes": len(size),
-        "drives": len(against),
+        "drives": len(opponents),
         "allocation": int(drives.allocation),
-        "idle": q31(drives.idle / force),
-        "least": max(q31(drives.least / force), 2 - int(_Q31)),
-        "most": q31(min(drives.most / force, 1.0)),
+        "idle": to_q31(drives.idle_force / force),
+        "least": max(to_q31(drives.force_min / force), 2 - int(_Q31)),
+        "most": to_q31(min(drives.force_max / force, 1.0)),
     }
 
 
-def fixed_axes(
-    rows: Mapping[str, FloatArray], drives: Drives, settings: Mapping[str, float]
+def make_fixed_controller(
+    rows: Mapping[str, FloatArray], drives: DriveLayout, settings: Mapping[str, float]
 ) -> FixedController:
     """Return all words of a controller, from its rows and settings in SI."""
     scales = _scales(rows, drives, settings)
     pose, wrench = scales.pose, scales.wrench
-    words, numbers = fixed_wrench(drives, wrench, scales.force)
+    words, numbers = make_fixed_allocation(drives, wrench, scales.force)
     heads = len(rows["at"])
     without = rows["without"].reshape(heads * len(pose), heads)
-    words |= _rows("see", rows["see"] * scales.head / pose[:, None])
-    words |= _rows("without", without * scales.head / np.tile(pose, heads)[:, None])
-    words |= _rows("decouple", rows["decouple"] * pose / pose[:, None])
-    words |= _rows("weigh", rows["weigh"] * scales.acceleration / wrench[:, None])
+    words |= _scale_rows("see", rows["see"] * scales.head / pose[:, None])
+    words |= _scale_rows("without", without * scales.head / np.tile(pose, heads)[:, None])
+    words |= _scale_rows("decouple", rows["decouple"] * pose / pose[:, None])
+    words |= _scale_rows("weigh", rows["weigh"] * scales.acceleration / wrench[:, None])
     gain = (pose / scales.acceleration).tolist()
-    words["pid"] = np.array([_pid(*line) for line in zip(rows["pid"].tolist(), gain, strict=True)])
+    words["pid"] = np.array(
+        [_pid_words(*line) for line in zip(rows["pid"].tolist(), gain, strict=True)]
+    )
     for name in ("reach", "land", "lift"):
-        words[name] = codes(rows[name], pose[:, None])
+        words[name] = signal_codes(rows[name], pose[:, None])
     if not (words["lift"] > 0.0).all():
-        raise _too("small", "control.lift_m_per_s")
+        raise _range_error("small", "control.lift_m_per_s")
     ends = ("low", "high", "step")
-    low, high, step = (q31(settings[f"current_{end}"] / scales.current) for end in ends)
+    low, high, step = (to_q31(settings[f"current_{end}"] / scales.current) for end in ends)
     high = low + (high - low) // step * step  # the last one of the converter's grid
     numbers |= {"current_low": low, "current_high": high, "current_step": step}
-    numbers |= {"heads": heads, "follow": q31(settings["follow"])}
-    numbers |= {key: q31(settings[key] / scales.current) for key in ("slew", "off")}
-    numbers["jump"] = q31(settings["jump"] / scales.head)
-    whole = ("off_ticks", "spare", "land_ticks", "spare_heads", "doubt", "noisy")
-    numbers |= {key: int(settings[key]) for key in whole}
-    return FixedController(_exact(words), numbers, scales, rows["at"])
+    numbers |= {"heads": heads, "follow": to_q31(settings["follow"])}
+    numbers |= {key: to_q31(settings[key] / scales.current) for key in ("slew", "off")}
+    numbers["jump"] = to_q31(settings["jump"] / scales.head)
+    integer_keys = ("off_ticks", "spare", "land_ticks", "spare_heads", "doubt", "noisy")
+    numbers |= {key: int(settings[key]) for key in integer_keys}
+    return FixedController(_as_core_integers(words), numbers, scales, rows["at"])
 
 
-def feed_rows(
+def make_feedforward_rows(
     mass: FloatArray, weight: FloatArray, scales: FixedScales
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return numbers and shifts of the rows from accelerations to a wrench, and codes of the weight."""
-    made = _rows("mass", mass * scales.acceleration / scales.wrench[:, None])
-    return made["mass"], made["mass_shift"], codes(weight, scales.wrench)
+    words = _scale_rows("mass", mass * scales.acceleration / scales.wrench[:, None])
+    return words["mass"], words["mass_shift"], signal_codes(weight, scales.wrench)
 
 
 def _scales(
-    rows: Mapping[str, FloatArray], drives: Drives, settings: Mapping[str, float]
+    rows: Mapping[str, FloatArray], drives: DriveLayout, settings: Mapping[str, float]
 ) -> FixedScales:
     """Return full scales: powers of two, but those of the force controllers."""
     reach = rows["reach"][:, 0]
     pose = np.maximum(reach, np.abs(rows["decouple"]) @ reach)
-    wrench = _room(np.abs(drives.pull).sum(axis=0) * drives.most)
+    wrench = _round_full_scale(np.abs(drives.unit_wrench).sum(axis=0) * drives.force_max)
     return FixedScales(
-        head=float(_room((np.abs(rows["at"]) @ reach).max())),
-        pose=_room(pose),
-        acceleration=_room(wrench / np.abs(np.diag(rows["weigh"]))),
+        head=float(_round_full_scale((np.abs(rows["at"]) @ reach).max())),
+        pose=_round_full_scale(pose),
+        acceleration=_round_full_scale(wrench / np.abs(np.diag(rows["weigh"]))),
         wrench=wrench,
         force=settings["demand_full"],
         current=settings["current_full"],
@@ -167,27 +173,27 @@ def _scales(
     )
 
 
-def _room(most: FloatArray) -> FloatArray:
-    return np.asarray(2.0 ** np.ceil(np.log2(ROOM * most)))
+def _round_full_scale(maximum: FloatArray) -> FloatArray:
+    return np.asarray(2.0 ** np.ceil(np.log2(FULL_SCALE_MARGIN * maximum)))
 
 
-def _exact(words: Words) -> Words:
+def _as_core_integers(words: Words) -> Words:
     """Return whole numbers as the core has them."""
-    short = {name for name in words if name.endswith("_shift") or name == "against"}
-    return {key: words[key].astype(np.uint16 if key in short else np.int32) for key in words}
+    short_names = {name for name in words if name.endswith("_shift") or name == "against"}
+    return {key: words[key].astype(np.uint16 if key in short_names else np.int32) for key in words}
 
 
-def _rows(name: str, values: FloatArray) -> Words:
+def _scale_rows(name: str, values: FloatArray) -> Words:
     """Return numbers and shifts of rows of codes."""
     size = np.abs(values).max(axis=1)
     shift = np.floor(_ROW_BITS - np.log2(np.maximum(size, 2.0**-1000)))
     if (shift < 0.0).any():
-        raise _too("large", name)
+        raise _range_error("large", name)
     shift = np.minimum(shift, _ROW_SHIFT)
     return {name: np.round(values * 2.0 ** shift[:, None]), f"{name}_shift": shift[:, None]}
 
 
-def _pid(filter_: Sequence[float], gain: float) -> list[float]:
+def _pid_words(filter_: Sequence[float], gain: float) -> list[float]:
     """Return a filter with an integral and one more real pole as the words of its partial fractions.
 
     Gain takes it from SI to codes.
@@ -201,15 +207,15 @@ def _pid(filter_: Sequence[float], gain: float) -> list[float]:
     shift = min(math.floor(_PID_BITS - math.log2(size)), _PID_SHIFT)
     numbers = [round(part * 2.0**shift) for part in parts]
     if shift < 0:
-        raise _too("large", "control.crossover_Hz")
-    if abs(numbers[1]) < _LEAST_NUMBER:
-        raise _too("small", "control.integral_ratio")
+        raise _range_error("large", "control.crossover_Hz")
+    if abs(numbers[1]) < _MIN_PID_NUMBER:
+        raise _range_error("small", "control.integral_ratio")
     return [*numbers, min(round(decay * _Q30), _Q31 - 1.0), shift]
 
 
-def _too(what: str, key: str) -> InputError:
+def _range_error(fault: str, key: str) -> InputError:
     return wrong_key(
         key,
-        f"too {what} for the full scales of fixed point at this rate; compile with io f32",
-        code=f"too-{what}-for-fixed-point",
+        f"too {fault} for the full scales of fixed point at this rate; compile with io f32",
+        code=f"too-{fault}-for-fixed-point",
     )

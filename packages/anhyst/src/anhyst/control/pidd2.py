@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.support.errors import InputError, wrong_key
-from anhyst.support.numeric import FloatArray, as_factor, as_smoothing, passed
+from anhyst.support.numeric import FloatArray, first_order_share, to_factor, to_smoothing_factor
 
-_ORDER = ("proportional", "integral", "derivative", "second", "load", "back")
+_FACTOR_ORDER = ("proportional", "integral", "derivative", "second", "load", "back")
 _Q31 = 2.0**31
 
 
@@ -54,8 +54,8 @@ class FixedPidd2:
     def per_tick(self) -> FloatArray:
         """The exact gains of the words, as :attr:`Pidd2.per_tick`."""
         value = {name: m / 65536.0 * 2.0**s for name, (m, s) in self.factors.items()}
-        units = _units(self.scales)
-        row = [value[name] / units[name] for name in _ORDER]
+        units = _factor_units(self.scales)
+        row = [value[name] / units[name] for name in _FACTOR_ORDER]
         row += [-value["smoothing"], -value["smoothing_2"], 1.0 + self.unweighted / 32768.0]
         output = self.scales.output / _Q31
         return np.array([*row, self.low * output, self.high * output])
@@ -111,7 +111,7 @@ class Pidd2:
         return 1.0 / self.rate
 
     @property
-    def back(self) -> float:
+    def tracking_share(self) -> float:
         """Share of a limited output that the integral takes back in one tick, 0..1."""
         if self.tracking is not None:
             return min(1.0, self.tick / self.tracking)
@@ -124,54 +124,61 @@ class Pidd2:
         """The members of ``anhyst_pidd2_gains_f64`` in their order, shape (11,)."""
         tick = self.tick
         gains = [self.K_p, self.K_i * tick, self.K_d / tick, self.K_dd / (tick * tick), self.K_load]
-        shares = [self.back, _share(self.cutoff, tick), _share(self.cutoff_2, tick), self.weight]
+        shares = [
+            self.tracking_share,
+            _filter_share(self.cutoff, tick),
+            _filter_share(self.cutoff_2, tick),
+            self.weight,
+        ]
         return np.array([*gains, *shares, self.low, self.high])
 
     def fixed(self, scales: FullScales) -> FixedPidd2:
         """Turn the gains into words for these full scales."""
         row = self.per_tick
-        units = _units(scales)
+        units = _factor_units(scales)
         factors = {
-            name: as_factor(name, value * units[name])
-            for name, value in zip(_ORDER, row[:6].tolist(), strict=True)
+            name: to_factor(name, value * units[name])
+            for name, value in zip(_FACTOR_ORDER, row[:6].tolist(), strict=True)
         }
-        factors["smoothing"] = as_smoothing("cutoff", float(row[6]))
-        factors["smoothing_2"] = as_smoothing("cutoff_2", float(row[7]))
+        factors["smoothing"] = to_smoothing_factor("cutoff", float(row[6]))
+        factors["smoothing_2"] = to_smoothing_factor("cutoff_2", float(row[7]))
         return FixedPidd2(
             factors=factors,
             unweighted=-round((1.0 - self.weight) * 32768.0),
-            low=_limit("low", self.low, scales),
-            high=_limit("high", self.high, scales),
+            low=_limit_code("low", self.low, scales),
+            high=_limit_code("high", self.high, scales),
             scales=scales,
             rate=self.rate,
         )
 
 
-def _share(cutoff: float, tick: float) -> float:
+def _filter_share(cutoff: float, tick: float) -> float:
     """Share of a step that a first-order low-pass passes in one tick."""
-    return passed(2.0 * math.pi * cutoff * tick)
+    return first_order_share(2.0 * math.pi * cutoff * tick)
 
 
-def _units(scales: FullScales) -> dict[str, float]:
+def _factor_units(scales: FullScales) -> dict[str, float]:
     """Return what each gain per tick is multiplied by to become a factor; see pidd2.h."""
-    across = scales.position / scales.output
+    position_per_output = scales.position / scales.output
     return {
-        "proportional": across / 4.0,
-        "integral": across,
-        "derivative": across / 4.0,
-        "second": across / 4.0,
+        "proportional": position_per_output / 4.0,
+        "integral": position_per_output,
+        "derivative": position_per_output / 4.0,
+        "second": position_per_output / 4.0,
         "load": scales.load / scales.output / 8.0,
         "back": 4.0,
     }
 
 
-def _limit(name: str, value: float, scales: FullScales) -> int:
+def _limit_code(name: str, value: float, scales: FullScales) -> int:
     """Return a limit of the output as a q31."""
-    part = value / scales.output
-    if math.isfinite(value) and abs(part) > 1.0:
+    share = value / scales.output
+    if math.isfinite(value) and abs(share) > 1.0:
         text = f"{value} N is beyond the full scale of {scales.output} N"
         raise wrong_key(name, text, code="beyond-full-scale")
-    return int(max(-_Q31, min(_Q31 - 1.0, round(part * _Q31) if math.isfinite(part) else part * 2)))
+    return int(
+        max(-_Q31, min(_Q31 - 1.0, round(share * _Q31) if math.isfinite(share) else share * 2))
+    )
 
 
 @dataclass(frozen=True)
@@ -212,15 +219,15 @@ def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 
     )
 
 
-def notch(frequency: float, damping: float, width: float, dt: float) -> FloatArray:
+def notch(frequency: float, damping: float, new_damping: float, dt: float) -> FloatArray:
     """Return what takes a resonance (Hz, damping ratio) out and puts one of another damping in.
 
     These are b0, b1, b2, a1 and a2 of ``(b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)``, the members of
     ``anhyst_biquad_f64``.
     """
     w = math.tan(math.pi * frequency * dt)
-    middle, own, put_in = 2.0 * (w * w - 1.0), 2.0 * damping * w, 2.0 * width * w
-    parts = [1.0 + own + w * w, middle, 1.0 - own + w * w, middle, 1.0 - put_in + w * w]
+    middle, pole_term, put_in = 2.0 * (w * w - 1.0), 2.0 * damping * w, 2.0 * new_damping * w
+    parts = [1.0 + pole_term + w * w, middle, 1.0 - pole_term + w * w, middle, 1.0 - put_in + w * w]
     return np.array(parts) / (1.0 + put_in + w * w)
 
 

@@ -19,14 +19,14 @@ from anhyst.control.pidd2 import FullScales, Pidd2
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.kinds import NumberFormat
-from anhyst.support.numeric import FloatArray, as_factor, q31
+from anhyst.support.numeric import FloatArray, to_factor, to_q31
 
 Settings = Mapping[str, float]
 
 _Q31 = 2.0**31
 # Positions reach beyond the range that can be, so that what is beyond it is seen to be.
-_POSITION_REACH = 0.625
-_COARSEST_STEP = 500  # codes of one step of the converter: its rounding stays below 0.1 %
+_POSITION_RANGE_SHARE = 0.625
+_MIN_STEP_CODES = 500  # codes of one step of the converter: its rounding stays below 0.1 %
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class PositionLimits:
     selftest: int = 20  # plausible samples in a row until the self-test has passed
 
     def __post_init__(self) -> None:
-        _above_zero(self, "step", "release", "selftest")
+        _check_above_zero(self, "step", "release", "selftest")
         for name in ("max_missing_samples", "hold", "selftest"):
             if not 0 <= getattr(self, name) <= 65535:
                 text = f"{getattr(self, name)} ticks are not within 0..65535"
@@ -70,7 +70,7 @@ class Levitation:
     set_down_rate: float
 
     def __post_init__(self) -> None:
-        _above_zero(self, *(field.name for field in fields(self)))
+        _check_above_zero(self, *(field.name for field in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class ReferenceConverter:
         """From one current to the next, A."""
         return (self.high - self.low) / float(2**self.bits - 1)
 
-    def within(self, low: float, high: float) -> tuple[float, int]:
+    def steps_within(self, low: float, high: float) -> tuple[float, int]:
         """Return where the steps within a range begin, and how many follow."""
         first = math.ceil((max(low, self.low) - self.low) / self.step - 1e-6)
         last = math.floor((min(high, self.high) - self.low) / self.step + 1e-6)
@@ -117,7 +117,7 @@ class PositionControl:
     bias: float = 0.0  # force of either magnet of a pair without a net force, N
     gap_total: float | None = None  # sum of both gaps of a pair, m; a single magnet has none
     # whether currents count as applied as they were measured, and not as they were driven
-    measured: bool = False
+    uses_measured_currents: bool = False
     flux_full_scale: float = 1.0  # flux density that counts as 1.0 in fixed point, T
     load_full_scale: float = 1.0  # load fed forward that counts as 1.0, in its unit
 
@@ -130,7 +130,7 @@ class PositionControl:
             raise wrong_key("high", text, code="not-above-zero")
 
     @property
-    def press(self) -> float:
+    def final_landing_force(self) -> float:
         """Net force at which a landing ends, N: the other magnet of a pair holds the armature then.
 
         Nothing else would, for both currents go to zero at one rate and the first is the larger.
@@ -145,7 +145,7 @@ class PositionControl:
     @property
     def position_full(self) -> float:
         """Full scale of the position, m: beyond the gaps that can be, to either side."""
-        return _POSITION_REACH * (self.limits.gap_high - self.limits.gap_low)
+        return _POSITION_RANGE_SHARE * (self.limits.gap_high - self.limits.gap_low)
 
     def gains(self, number_format: NumberFormat) -> FloatArray | NDArray[np.int32]:
         """Return the gains as the core takes them."""
@@ -156,33 +156,43 @@ class PositionControl:
 
     def settings(self, number_format: NumberFormat) -> Settings:
         """Return everything else as the core takes it."""
-        common = self._levitation() | {
-            "measured": self.measured,
+        common = self._levitation_settings() | {
+            "measured": self.uses_measured_currents,
             "gap_middle": self.gap_middle,
             "position_full": self.position_full,
             "demand_full": self.scales.demand,
         }
-        return common | (self._fixed() if number_format == "fixed" else self._real())
+        return common | (
+            self._fixed_settings() if number_format == "fixed" else self._real_settings()
+        )
 
-    def _levitation(self) -> dict[str, int]:
+    def _levitation_settings(self) -> dict[str, int]:
         """Return what is integer in every format: positions and demands as q31."""
         tick, limits, levitation = self.pidd2.tick, self.limits, self.levitation
 
-        middle, full, most = self.gap_middle, self.position_full, self.scales.demand
+        middle_gap, position_full, force_full = (
+            self.gap_middle,
+            self.position_full,
+            self.scales.demand,
+        )
         return {
-            "position_low": q31((middle - limits.gap_high) / full),
-            "position_high": q31((middle - limits.gap_low) / full),
-            "position_step": _rate("step", limits.step / full),
+            "position_low": to_q31((middle_gap - limits.gap_high) / position_full),
+            "position_high": to_q31((middle_gap - limits.gap_low) / position_full),
+            "position_step": _nonzero_code("step", limits.step / position_full),
             "max_missing_samples": limits.max_missing_samples,
             "hold": limits.hold,
             "selftest": limits.selftest,
-            "detect": _rate("detect", levitation.detect / full),
-            "rise": _rate("rise_speed", levitation.rise_speed * tick / full),
-            "descend": _rate("descend_speed", levitation.descend_speed * tick / full),
-            "lift": _rate("lift_rate", levitation.lift_rate * tick / most),
-            "set_down": _rate("set_down_rate", levitation.set_down_rate * tick / most),
-            "most": _rate("high", self.pidd2.high / most),
-            "press": q31(self.press / most),
+            "detect": _nonzero_code("detect", levitation.detect / position_full),
+            "rise": _nonzero_code("rise_speed", levitation.rise_speed * tick / position_full),
+            "descend": _nonzero_code(
+                "descend_speed", levitation.descend_speed * tick / position_full
+            ),
+            "lift": _nonzero_code("lift_rate", levitation.lift_rate * tick / force_full),
+            "set_down": _nonzero_code(
+                "set_down_rate", levitation.set_down_rate * tick / force_full
+            ),
+            "most": _nonzero_code("high", self.pidd2.high / force_full),
+            "press": to_q31(self.final_landing_force / force_full),
         }
 
     def _gap_lines(self) -> list[tuple[float, float]]:
@@ -192,8 +202,8 @@ class PositionControl:
             lines.append((self.gap_total - self.gap_middle, 1.0))
         return lines
 
-    def _real(self) -> dict[str, float]:
-        low, steps = self.converter.within(self.limits.current_low, self.limits.current_high)
+    def _real_settings(self) -> dict[str, float]:
+        low, steps = self.converter.steps_within(self.limits.current_low, self.limits.current_high)
         step = self.converter.step
         numbers = {
             "current_low": low,
@@ -206,16 +216,16 @@ class PositionControl:
             numbers |= {f"gap_offset_{i}": offset, f"gap_factor_{i}": factor}
         return numbers
 
-    def _fixed(self) -> dict[str, float]:
+    def _fixed_settings(self) -> dict[str, float]:
         scales, step = self.scales, self.converter.step
-        low, steps = self.converter.within(self.limits.current_low, self.limits.current_high)
-        codes = round(step / scales.current * _Q31)
-        if codes < _COARSEST_STEP:
+        low, steps = self.converter.steps_within(self.limits.current_low, self.limits.current_high)
+        step_codes = round(step / scales.current * _Q31)
+        if step_codes < _MIN_STEP_CODES:
             text = "the converter is too fine for a full scale of 31 bits"
             raise wrong_key("bits", text, code="converter-too-fine")
         # A step of the converter is a whole number of codes: the full scale gives way, by less than
         # 0.1 % and with 16 bits by 2e-5.
-        current = step / codes * _Q31
+        current = step / step_codes * _Q31
         first = round(low / current * _Q31)
         release = self.limits.release * self.pidd2.tick
         numbers: dict[str, float] = {
@@ -223,35 +233,36 @@ class PositionControl:
             "load_full": self.load_full_scale,
             "flux_full": self.flux_full_scale,
             "current_low": first,
-            "current_high": first + min(steps, int((_Q31 - 1.0 - first) // codes)) * codes,
-            "current_step": codes,
-            "release": max(codes, _rate("release", release / current)),
-            "bias": q31(self.bias / scales.demand),
+            "current_high": first
+            + min(steps, int((_Q31 - 1.0 - first) // step_codes)) * step_codes,
+            "current_step": step_codes,
+            "release": max(step_codes, _nonzero_code("release", release / current)),
+            "bias": to_q31(self.bias / scales.demand),
         }
         for i, (offset, direction) in enumerate(self._gap_lines(), 1):
             factor = 0.5 * direction * self.position_full / scales.gap_span
-            mantissa, shift = as_factor("range of the compensator's gaps", factor)
+            mantissa, shift = to_factor("range of the compensator's gaps", factor)
             if shift > 0:
                 text = "the compensator covers too little of the gaps that can be; narrow them"
                 raise wrong_key("gap_high", text, code="range-too-narrow")
             numbers |= {
-                f"gap_offset_{i}": q31(scales.gap_share(offset)),
+                f"gap_offset_{i}": to_q31(scales.gap_fraction(offset)),
                 f"gap_mantissa_{i}": mantissa,
                 f"gap_shift_{i}": shift,
             }
         return numbers
 
 
-def _above_zero(table: object, *names: str) -> None:
+def _check_above_zero(table: object, *names: str) -> None:
     for name in names:
         value = getattr(table, name)
         if not (math.isfinite(value) and value > 0):
             raise wrong_key(name, f"{value} is not above zero", code="not-above-zero")
 
 
-def _rate(name: str, part: float) -> int:
+def _nonzero_code(name: str, part: float) -> int:
     """Return the nearest q31 of a number that may not vanish."""
-    code = q31(part)
+    code = to_q31(part)
     if code < 1:
         raise wrong_key(name, "too small to be told from zero; raise it", code="rate-too-small")
     return code

@@ -10,8 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from anhyst.data.formats.channels import Texts, to_number
-from anhyst.data.joining import LoopPart
+from anhyst.data.formats.channels import Texts, parse_number
+from anhyst.data.joining import SourceLoops
 from anhyst.data.path import reversal_count
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
@@ -20,12 +20,12 @@ from anhyst.support.units import QUANTITIES, find_unit, parse_header
 Breaks = Sequence[tuple[int, tuple[str, ...]]]
 """First row of each block, and the remarks above it."""
 
-_MIN_ROWS = 6
-_CLOSED = 0.05
+_MIN_BLOCK_ROWS = 6
+_MAX_CLOSURE_SHARE = 0.05
 """A loop ends within this share of its input range from its start."""
-_JUMP = 5.0
+_MIN_JUMP_STEPS = 5.0
 """Usual largest steps of the input that make a jump between blocks."""
-_STATED = re.compile(
+_STATED_VALUE = re.compile(
     r"(?P<name>[^\W\d_][\w -]*?)\s*(?:[\[(](?P<inner>[^\])]{1,10})[\])])?\s*(?:[=:;,]|\s|\bis\b)+"
     r"(?P<number>\d+(?:[.,]\d+)?)[\s;,]*[\[(]?(?P<unit>[^\W\d]+)?"
 )
@@ -40,24 +40,24 @@ class Blocks:
     note: str
 
 
-def stated_gap(texts: Sequence[str]) -> tuple[float | None, str] | None:
+def find_stated_gap(texts: Sequence[str]) -> tuple[float | None, str] | None:
     """Return the gap that the last of some remarks states, m, and this remark.
 
     The gap is None if the remark states no unit of length.
     """
-    found = None
+    last_gap = None
     for text in texts:
-        for match in _STATED.finditer(text):
+        for match in _STATED_VALUE.finditer(text):
             if parse_header(match["name"], "mm").quantity != QUANTITIES["gap"]:
                 continue
-            written = match["inner"] or match["unit"] or ""
-            own = parse_header(match["name"]).unit
-            unit = find_unit(written) or own
+            unit_text = match["inner"] or match["unit"] or ""
+            name_unit = parse_header(match["name"]).unit
+            unit = find_unit(unit_text) or name_unit
             if unit is not None and unit.dimension != "length":
                 continue
-            number = to_number(match["number"])
-            found = (unit.value_to_si(number) if unit else None), text.strip()
-    return found
+            number = parse_number(match["number"])
+            last_gap = (unit.value_to_si(number) if unit else None), text.strip()
+    return last_gap
 
 
 def find_blocks(
@@ -68,44 +68,50 @@ def find_blocks(
     ``has_gaps`` says whether gaps that remarks state are used. ``name`` begins the labels.
     """
     starts = [row for row, _ in breaks]
-    stated = [stated_gap(texts) if has_gaps else None for _, texts in breaks]
-    changes = [found for found in stated[1:] if found is not None]
+    stated_gaps = [find_stated_gap(texts) if has_gaps else None for _, texts in breaks]
+    later_gaps = [found for found in stated_gaps[1:] if found is not None]
     if len(starts) < 2:
         return None
     parts = np.split(drive, starts[1:])
-    _refuse_tail(source, parts)
+    _refuse_rows_below_data(source, parts)
     are_loops = _are_loops(parts)
-    if not changes:
-        return _as_labels(starts, drive.size, name, None) if are_loops else None
-    gaps, known = [], None
-    for found in stated:
-        known = found if found is not None else known
-        if known is None or known[0] is None:
-            at = "above the first rows" if known is None else f"with its unit ('{known[1]}')"
+    if not later_gaps:
+        return _label_blocks(starts, drive.size, name, None) if are_loops else None
+    gaps, current_gap = [], None
+    for found in stated_gaps:
+        current_gap = found if found is not None else current_gap
+        if current_gap is None or current_gap[0] is None:
+            advice_place = (
+                "above the first rows"
+                if current_gap is None
+                else f"with its unit ('{current_gap[1]}')"
+            )
             raise InputError(
-                f"{source}: remarks between the rows state gaps; state the gap {at} as well, such "
+                f"{source}: remarks between the rows state gaps; state the gap {advice_place} as well, such "
                 "as '# gap = 0.5 mm', or add a column 'gap_mm'",
                 code="gap-missing",
                 key="gap",
             )
-        gaps.append(known[0])
+        gaps.append(current_gap[0])
     if not are_loops:
-        kept = [n for n in range(len(starts)) if n == 0 or gaps[n] != gaps[n - 1]]
-        starts, gaps = [starts[n] for n in kept], [gaps[n] for n in kept]
-    return _as_labels(starts, drive.size, name, gaps)
+        gap_changes = [n for n in range(len(starts)) if n == 0 or gaps[n] != gaps[n - 1]]
+        starts, gaps = [starts[n] for n in gap_changes], [gaps[n] for n in gap_changes]
+    return _label_blocks(starts, drive.size, name, gaps)
 
 
-def _as_labels(starts: Sequence[int], rows: int, name: str, gaps: Sequence[float] | None) -> Blocks:
+def _label_blocks(
+    starts: Sequence[int], rows: int, name: str, gaps: Sequence[float] | None
+) -> Blocks:
     """Label the blocks by their number at each gap."""
     sizes = np.diff([*starts, rows])
-    seen = Counter[float | None]()
-    numbers = []
-    each: Sequence[float | None] = gaps or [None] * len(starts)
-    for gap in each:
-        seen[gap] += 1
-        numbers.append(f"{name} {seen[gap]}".strip())
-    of_blocks = Texts.of(numbers)
-    labels = Texts(of_blocks.values, np.repeat(of_blocks.codes, sizes))
+    count_by_gap = Counter[float | None]()
+    block_names = []
+    block_gaps: Sequence[float | None] = gaps or [None] * len(starts)
+    for gap in block_gaps:
+        count_by_gap[gap] += 1
+        block_names.append(f"{name} {count_by_gap[gap]}".strip())
+    block_labels = Texts.from_rows(block_names)
+    labels = Texts(block_labels.values, np.repeat(block_labels.codes, sizes))
     note = f"{len(starts)} blocks of rows are loops of their own"
     if gaps is None:
         return Blocks(labels, None, note)
@@ -116,42 +122,46 @@ def _as_labels(starts: Sequence[int], rows: int, name: str, gaps: Sequence[float
 
 def _are_loops(parts: Sequence[FloatArray]) -> bool:
     """Whether the input reverses in each block, and each closes or begins with a jump."""
-    if any(part.size < _MIN_ROWS or np.ptp(part) == 0.0 for part in parts):
+    if any(part.size < _MIN_BLOCK_ROWS or np.ptp(part) == 0.0 for part in parts):
         return False
     if not all(map(reversal_count, parts)):
         return False
-    are_closed = all(abs(part[-1] - part[0]) <= _CLOSED * np.ptp(part) for part in parts)
+    are_closed = all(abs(part[-1] - part[0]) <= _MAX_CLOSURE_SHARE * np.ptp(part) for part in parts)
     pairs = pairwise(parts)
-    return are_closed or all(_jumps(first, second) for first, second in pairs)
+    return are_closed or all(_has_jump_between(first, second) for first, second in pairs)
 
 
-def _jumps(first: FloatArray, second: FloatArray) -> bool:
-    largest = float(np.max(np.abs(np.diff(first)))) if first.size > 1 else 0.0
-    return bool(abs(second[0] - first[-1]) > _JUMP * largest)
+def _has_jump_between(first: FloatArray, second: FloatArray) -> bool:
+    largest_step = float(np.max(np.abs(np.diff(first)))) if first.size > 1 else 0.0
+    return bool(abs(second[0] - first[-1]) > _MIN_JUMP_STEPS * largest_step)
 
 
-def _refuse_tail(source: str, parts: Sequence[FloatArray]) -> None:
+def _refuse_rows_below_data(source: str, parts: Sequence[FloatArray]) -> None:
     """Refuse a few rows below the data that do not continue them, as means or extremes do."""
-    tail, above = parts[-1], np.concatenate(parts[:-1])
-    if tail.size < _MIN_ROWS and above.size >= 2 * _MIN_ROWS and _jumps(above, tail):
+    last_block, rows_above = parts[-1], np.concatenate(parts[:-1])
+    if (
+        last_block.size < _MIN_BLOCK_ROWS
+        and rows_above.size >= 2 * _MIN_BLOCK_ROWS
+        and _has_jump_between(rows_above, last_block)
+    ):
         raise InputError(
-            f"{source}: the last {tail.size} row{'s' if tail.size > 1 else ''} below a blank line "
+            f"{source}: the last {last_block.size} row{'s' if last_block.size > 1 else ''} below a blank line "
             "or a remark do not continue the samples above; if they hold statistics, remove them, "
             "else remove the blank line",
             code="rows-below-data",
         )
 
 
-def with_stated_gaps(parts: list[LoopPart]) -> list[LoopPart]:
+def apply_stated_gaps(parts: list[SourceLoops]) -> list[SourceLoops]:
     """Use the gaps that the heads of several files state, if all state one and they differ."""
     gaps = {part.source_name: part.stated_gap[0] for part in parts if part.stated_gap is not None}
-    found = {name: gap for name, gap in gaps.items() if gap is not None}
-    if len(found) == len(parts) and len(set(found.values())) > 1:
-        return [_at_gap(part, found[part.source_name]) for part in parts]
-    return [_with_gap_advice(part) for part in parts]
+    known_gaps = {name: gap for name, gap in gaps.items() if gap is not None}
+    if len(known_gaps) == len(parts) and len(set(known_gaps.values())) > 1:
+        return [_set_gap(part, known_gaps[part.source_name]) for part in parts]
+    return [_add_gap_advice(part) for part in parts]
 
 
-def _at_gap(part: LoopPart, gap: float) -> LoopPart:
+def _set_gap(part: SourceLoops, gap: float) -> SourceLoops:
     """Put the loops of a file at the gap that its head states."""
     is_alone = len(part.loops) == 1
     loops = tuple(
@@ -162,7 +172,7 @@ def _at_gap(part: LoopPart, gap: float) -> LoopPart:
     return replace(part, loops=loops, schedule=QUANTITIES["gap"], notes=(note, *part.notes))
 
 
-def _with_gap_advice(part: LoopPart) -> LoopPart:
+def _add_gap_advice(part: SourceLoops) -> SourceLoops:
     """Name a gap that is stated above the data and not used."""
     if part.stated_gap is None:
         return part

@@ -13,27 +13,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data import estimates
-from anhyst.data.delay import skew as estimate_skew
-from anhyst.data.estimates import noise as noise_of
-from anhyst.data.filtering import denoise, ripple
+from anhyst.data.delay import estimate_delay as estimate_skew
+from anhyst.data.estimates import estimate_noise as noise_of
+from anhyst.data.filtering import average_over_ripple, denoise
 from anhyst.data.holes import cut_holes, find_holes
-from anhyst.data.loops import Loop, Loops, is_even, with_columns
+from anhyst.data.loops import Loop, Loops, is_even, replace_columns
 from anhyst.data.output_map import output_map
-from anhyst.data.path import branches, turning_points
+from anhyst.data.path import find_branches, find_turning_points
 from anhyst.data.proposals import join_pair, quote_name
 from anhyst.data.reading import read_loops
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, wrong_type
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.wording import count_of
+from anhyst.support.wording import count_text
 
-MOST_POINTS = 4000
+MAX_SAMPLES_PER_LOOP = 4000
 """Samples that thinning leaves of a loop at most."""
 
-_STEADY = 0.02
-_SPIKE_SIGMA = 8.0
-_SPIKE_SHARE = 0.01
+_MAX_WOBBLE_SHARE = 0.02
+_MIN_SPIKE_SIGMAS = 8.0
+_MIN_SPIKE_SHARE = 0.01
 
 
 def clean(loopset: Loops, steps: Sequence[str] | str | None = None) -> Loops:
@@ -58,7 +58,7 @@ def clean(loopset: Loops, steps: Sequence[str] | str | None = None) -> Loops:
     """
     if not isinstance(loopset, Loops):
         raise wrong_type("clean: loopset", "Loops (read_loops reads a file)", loopset)
-    for name in DEFAULT_STEPS if steps is None else names_of(steps, "clean: steps"):
+    for name in DEFAULT_STEPS if steps is None else parse_names(steps, "clean: steps"):
         if name not in STEPS:
             raise InputError(
                 f"cleaning step '{name}' is not known; there are: {', '.join(STEPS)}",
@@ -69,7 +69,7 @@ def clean(loopset: Loops, steps: Sequence[str] | str | None = None) -> Loops:
     return loopset
 
 
-def dedupe(loopset: Loops) -> Loops:
+def drop_repeated_samples(loopset: Loops) -> Loops:
     """Drop samples that repeat the one before.
 
     At the same time another value is no repeat: then the clock is coarser than the sampling.
@@ -77,88 +77,95 @@ def dedupe(loopset: Loops) -> Loops:
     keep = []
     for loop in loopset.loops:
         columns = (loop.input, loop.output, loop.schedule, loop.time)
-        stays = [np.diff(column) == 0.0 for column in columns if column is not None]
-        keep.append(np.concatenate(([True], ~np.logical_and.reduce(stays))))
-    return _kept(loopset, keep, "dedupe: {} dropped", "repeated sample")
+        is_repeated = [np.diff(column) == 0.0 for column in columns if column is not None]
+        keep.append(np.concatenate(([True], ~np.logical_and.reduce(is_repeated))))
+    return _keep_samples(loopset, keep, "dedupe: {} dropped", "repeated sample")
 
 
-def spikes(loopset: Loops) -> Loops:
+def drop_spikes(loopset: Loops) -> Loops:
     """Drop single output samples far from their neighbours, away from reversals."""
     keep = []
     for loop in loopset.loops:
         padded = np.pad(loop.output, 2, mode="edge")
         windows = np.lib.stride_tricks.sliding_window_view(padded, 5)
-        away = np.abs(loop.output - np.median(windows, axis=1))
-        limit = max(_SPIKE_SIGMA * noise_of(loop.output), _SPIKE_SHARE * float(np.ptp(loop.output)))
-        spike = away > limit
-        for turn in turning_points(loop.input):
-            spike[max(0, turn - 2) : turn + 3] = False  # a sharp tip is no spike
-        keep.append(~spike)
-    return _kept(loopset, keep, "spikes: {} dropped")
+        deviation = np.abs(loop.output - np.median(windows, axis=1))
+        limit = max(
+            _MIN_SPIKE_SIGMAS * noise_of(loop.output), _MIN_SPIKE_SHARE * float(np.ptp(loop.output))
+        )
+        is_spike = deviation > limit
+        for turn in find_turning_points(loop.input):
+            is_spike[max(0, turn - 2) : turn + 3] = False  # a sharp tip is no spike
+        keep.append(~is_spike)
+    return _keep_samples(loopset, keep, "spikes: {} dropped")
 
 
-def steady(loopset: Loops) -> Loops:
+def set_schedule_to_median(loopset: Loops) -> Loops:
     """Settle a scheduling value that wobbles by less than 2 % within a loop to its median."""
     loops = list(loopset.loops)
-    settled = 0
+    steadied_count = 0
     for index, loop in enumerate(loops):
         values = loop.schedule
-        if values is not None and 0.0 < np.ptp(values) <= _STEADY * float(np.max(np.abs(values))):
+        if values is not None and 0.0 < np.ptp(values) <= _MAX_WOBBLE_SHARE * float(
+            np.max(np.abs(values))
+        ):
             loops[index] = replace(loop, schedule=np.full(loop.n, float(np.median(values))))
-            settled += 1
-    if not settled:
+            steadied_count += 1
+    if not steadied_count:
         return loopset
     name = loopset.schedule.name if loopset.schedule else ""
     return loopset.with_loops(
-        loops, f"steady: {name} of {count_of(settled, 'loop')} settled to its median"
+        loops, f"steady: {name} of {count_text(steadied_count, 'loop')} settled to its median"
     )
 
 
-def drift(loopset: Loops) -> Loops:
+def remove_drift(loopset: Loops) -> Loops:
     """Take a linear drift out of the output, so that states that come again have one output.
 
     Where none comes again the drift cannot be judged: a note says so, and the loop stays as it is.
     """
-    loops, texts, unknown = list(loopset.loops), [], []
+    loops, texts, undetermined = list(loopset.loops), [], []
     for index, loop in enumerate(loops):
-        total = estimates.drift(loop)
-        if total is None:
-            unknown.append(f"'{loop.label}'")
-        elif total:
+        total_drift = estimates.estimate_drift(loop)
+        if total_drift is None:
+            undetermined.append(f"'{loop.label}'")
+        elif total_drift:
             clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
-            share = (clock - clock[0]) / (clock[-1] - clock[0]) - 0.5
-            loops[index] = replace(loop, output=loop.output - total * share)
-            texts.append(f"{total:.3g} {loopset.output.unit} in loop '{loop.label}'")
-    if unknown:
-        note = f"drift of loops {_some(unknown)} cannot be judged: no state comes again in them"
+            time_share = (clock - clock[0]) / (clock[-1] - clock[0]) - 0.5
+            loops[index] = replace(loop, output=loop.output - total_drift * time_share)
+            texts.append(f"{total_drift:.3g} {loopset.output.unit} in loop '{loop.label}'")
+    if undetermined:
+        note = f"drift of loops {_join_first(undetermined)} cannot be judged: no state comes again in them"
         loopset = replace(loopset, notes=(*loopset.notes, note))
     if not texts:
         return loopset
-    return loopset.with_loops(loops, f"drift: {_some(texts)} removed from the output")
+    return loopset.with_loops(loops, f"drift: {_join_first(texts)} removed from the output")
 
 
-def offset(loopset: Loops) -> Loops:
+def remove_offset(loopset: Loops) -> Loops:
     """Centre symmetric loops of an odd output: one input offset for all, one output offset each."""
     if is_even(loopset):
         return loopset
-    offsets = [estimates.offsets(loop) for loop in loopset.loops]
+    offsets = [estimates.estimate_offsets(loop) for loop in loopset.loops]
     centres = [centre for centre in offsets if centre is not None]
     if not centres:
         return loopset
-    shift = float(np.median([centre[0] for centre in centres]))
+    input_offset = float(np.median([centre[0] for centre in centres]))
     loops, texts = [], []
     for loop, centre in zip(loopset.loops, offsets, strict=True):
-        zero = centre[1] if centre is not None else 0.0
-        loops.append(replace(loop, input=loop.input - shift, output=loop.output - zero))
-        texts.append(f"{zero:.3g} {loopset.output.unit} in loop '{loop.label}'")
+        output_offset = centre[1] if centre is not None else 0.0
+        loops.append(
+            replace(loop, input=loop.input - input_offset, output=loop.output - output_offset)
+        )
+        texts.append(f"{output_offset:.3g} {loopset.output.unit} in loop '{loop.label}'")
     return loopset.with_loops(
-        loops, f"offset: {shift:.3g} {loopset.input.unit} of the input, output {_some(texts)}"
+        loops,
+        f"offset: {input_offset:.3g} {loopset.input.unit} of the input, output {_join_first(texts)}",
     )
 
 
-def skew(loopset: Loops) -> Loops:
+def remove_delay(loopset: Loops) -> Loops:
     """Shift the output by its delay behind the input (one delay for all loops, their median)."""
-    steps = [estimates.sampling(loop)[0] or 1.0 for loop in loopset.loops]
+    steps = [estimates.measure_sampling(loop)[0] or 1.0 for loop in loopset.loops]
     delays = [
         found * step
         for found, step in zip(map(estimate_skew, loopset.loops), steps, strict=True)
@@ -173,47 +180,50 @@ def skew(loopset: Loops) -> Loops:
     loops = []
     for loop in loopset.loops:
         clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
-        later = clock + delay
-        is_inside = (later >= clock[0]) & (later <= clock[-1])
+        shifted_clock = clock + delay
+        is_inside = (shifted_clock >= clock[0]) & (shifted_clock <= clock[-1])
         for hole in find_holes(loop.time):
-            is_inside &= (later <= clock[hole.row]) | (later >= clock[hole.row + 1])
+            is_inside &= (shifted_clock <= clock[hole.row]) | (shifted_clock >= clock[hole.row + 1])
         if np.count_nonzero(is_inside) < 3:
             return loopset
-        shifted = np.interp(later, clock, loop.output)[is_inside]
-        loops.append(with_columns(loop, itemgetter(is_inside), output=shifted))
+        shifted = np.interp(shifted_clock, clock, loop.output)[is_inside]
+        loops.append(replace_columns(loop, itemgetter(is_inside), output=shifted))
     size = f"{-delay:.2f} samples"
     if loopset.loops[0].time is not None:
         size = f"{-delay:.3g} s ({-delay / steps[0]:.4g} samples)"
     return loopset.with_loops(loops, f"skew: output moved by {size}")
 
 
-def thin(loopset: Loops, most: int = MOST_POINTS) -> Loops:
+def thin_loops(loopset: Loops, max_samples: int = MAX_SAMPLES_PER_LOOP) -> Loops:
     """Average long loops down to ``most`` samples along their path, reversals kept as measured.
 
     What creeps keeps its samples: there the clock counts.
     """
-    counts = [loop.n for loop in loopset.loops if loop.n > most]
-    if not counts or output_map(loopset.output).creeps:
+    counts = [loop.n for loop in loopset.loops if loop.n > max_samples]
+    if not counts or output_map(loopset.output).has_creep:
         return loopset
-    loops = [_thinned(loop, most) if loop.n > most else loop for loop in loopset.loops]
+    loops = [
+        _average_along_path(loop, max_samples) if loop.n > max_samples else loop
+        for loop in loopset.loops
+    ]
     return loopset.with_loops(
         loops,
-        f"thin: {count_of(len(counts), 'loop')} averaged to {most} samples (from up to {max(counts)})",
+        f"thin: {count_text(len(counts), 'loop')} averaged to {max_samples} samples (from up to {max(counts)})",
     )
 
 
 STEPS: Mapping[str, Callable[[Loops], Loops]] = MappingProxyType(
     {
-        "dedupe": dedupe,
-        "spikes": spikes,
-        "steady": steady,
-        "drift": drift,
-        "offset": offset,
-        "skew": skew,
+        "dedupe": drop_repeated_samples,
+        "spikes": drop_spikes,
+        "steady": set_schedule_to_median,
+        "drift": remove_drift,
+        "offset": remove_offset,
+        "skew": remove_delay,
         "holes": cut_holes,
-        "ripple": ripple,
+        "ripple": average_over_ripple,
         "denoise": denoise,
-        "thin": thin,
+        "thin": thin_loops,
     }
 )
 """All cleaning steps by name."""
@@ -222,12 +232,12 @@ DEFAULT_STEPS = ("dedupe", "holes", "ripple", "denoise", "thin")
 """The steps taken unless others are named: those that do nothing to a clean record."""
 
 
-def _thinned(loop: Loop, most: int) -> Loop:
-    parts = branches(loop.input)
+def _average_along_path(loop: Loop, max_samples: int) -> Loop:
+    parts = find_branches(loop.input)
     height, span = float(np.ptp(loop.output)) or 1.0, float(np.ptp(loop.input))
     # Progress along the path, in ranges of input and output: steep and flat parts keep points.
     progress = np.zeros(loop.n)
-    fixed = np.zeros(loop.n, bool)
+    is_reversal = np.zeros(loop.n, bool)
     for part in parts:
         rows = part.rows
         travelled = np.zeros(part.size)
@@ -235,12 +245,12 @@ def _thinned(loop: Loop, most: int) -> Loop:
             sign = 1.0 if values[-1] >= values[0] else -1.0
             travelled += np.maximum.accumulate(sign * (values - values[0])) / size
         progress[rows] = progress[part.start] + travelled
-        fixed[[part.start, part.stop - 1]] = True
-    room = max(1, most - 2 * len(parts) - 1)
-    bins = np.minimum((progress / progress[-1] * room).astype(np.intp), room - 1)
+        is_reversal[[part.start, part.stop - 1]] = True
+    bin_count = max(1, max_samples - 2 * len(parts) - 1)
+    bins = np.minimum((progress / progress[-1] * bin_count).astype(np.intp), bin_count - 1)
     # A turning point stands alone; what follows it starts a new bin.
-    edge = np.concatenate(([True], (np.diff(bins) != 0) | fixed[1:] | fixed[:-1]))
-    starts = np.flatnonzero(edge)
+    starts_bin = np.concatenate(([True], (np.diff(bins) != 0) | is_reversal[1:] | is_reversal[:-1]))
+    starts = np.flatnonzero(starts_bin)
     counts = np.diff(np.concatenate((starts, [loop.n])))
 
     def mean(values: FloatArray) -> FloatArray:
@@ -248,29 +258,29 @@ def _thinned(loop: Loop, most: int) -> Loop:
         return averaged
 
     if loop.schedule_value is not None:
-        return with_columns(loop, mean, schedule=np.full(starts.size, loop.schedule_value))
-    return with_columns(loop, mean)
+        return replace_columns(loop, mean, schedule=np.full(starts.size, loop.schedule_value))
+    return replace_columns(loop, mean)
 
 
-def _kept(
-    loopset: Loops, keep: Sequence[NDArray[np.bool_]], text: str, what: str = "sample"
+def _keep_samples(
+    loopset: Loops, keep: Sequence[NDArray[np.bool_]], text: str, noun: str = "sample"
 ) -> Loops:
     dropped = sum(int(np.count_nonzero(~mask)) for mask in keep)
     if not dropped:
         return loopset
     pairs = zip(loopset.loops, keep, strict=True)
-    loops = [with_columns(loop, itemgetter(mask)) for loop, mask in pairs]
-    return loopset.with_loops(loops, text.format(count_of(dropped, what)))
+    loops = [replace_columns(loop, itemgetter(mask)) for loop, mask in pairs]
+    return loopset.with_loops(loops, text.format(count_text(dropped, noun)))
 
 
-def _some(texts: Sequence[str]) -> str:
+def _join_first(texts: Sequence[str]) -> str:
     """Join texts, the first few of many."""
     if len(texts) <= 4:
         return ", ".join(texts)
     return ", ".join(texts[:3]) + f" and {len(texts) - 3} more"
 
 
-PREFIX = "read_"
+SETTING_PREFIX = "read_"
 """Settings of the provenance that say how the measurements were read begin with this."""
 
 
@@ -296,14 +306,14 @@ class ReadOptions:
     def from_text(cls, **texts: str | None) -> ReadOptions:
         """Read the options from texts, as on the command line and in a model file."""
         options = {name: text for name, text in texts.items() if text is not None}
-        columns = _pairs(options.pop("columns", ""), "columns")
-        constants = _pairs(options.pop("constants", ""), "constants")
+        columns = _parse_pairs(options.pop("columns", ""), "columns")
+        constants = _parse_pairs(options.pop("constants", ""), "constants")
         return cls(
             columns=columns,
-            constants={name: _number_or_text(text) for name, text in constants.items()},
-            clean=names_of(options.pop("clean", ",".join(DEFAULT_STEPS)), "clean"),
-            scale=_pairs(options.pop("scale", ""), "scale"),
-            flip=tuple(_parts(options.pop("flip", ""))),
+            constants={name: _parse_constant(text) for name, text in constants.items()},
+            clean=parse_names(options.pop("clean", ",".join(DEFAULT_STEPS)), "clean"),
+            scale=_parse_pairs(options.pop("scale", ""), "scale"),
+            flip=tuple(_split_list(options.pop("flip", ""))),
             **options,
         )
 
@@ -318,7 +328,7 @@ class ReadOptions:
                 value = ",".join(join_pair(name, text) for name, text in value.items())
             elif isinstance(value, tuple):
                 value = ",".join(quote_name(name) for name in value) or "none"
-            settings[PREFIX + item.name] = value
+            settings[SETTING_PREFIX + item.name] = value
         return settings
 
     def read(
@@ -330,38 +340,40 @@ class ReadOptions:
         return clean(read_loops(paths, **options, progress=progress, **more), steps)
 
 
-def names_of(value: object, argument: str) -> tuple[str, ...]:
+def parse_names(value: object, argument: str) -> tuple[str, ...]:
     """Return a list of names; a text lists them with commas, and ``"none"`` is an empty list."""
     if isinstance(value, str):
-        return () if value.strip() == "none" else tuple(_parts(value))
+        return () if value.strip() == "none" else tuple(_split_list(value))
     if isinstance(value, Sequence) and all(isinstance(name, str) for name in value):
         return tuple(value)
     raise wrong_type(argument, "a list of names", value)
 
 
-def _parts(text: str) -> list[str]:
+def _split_list(text: str) -> list[str]:
     """Split at commas; a field that begins with a double quote may hold some."""
     rows = csv.reader([text], skipinitialspace=True)
     return [part for row in rows for piece in row if (part := piece.strip())]
 
 
-def _pairs(text: str, what: str) -> dict[str, str]:
+def _parse_pairs(text: str, option: str) -> dict[str, str]:
     pairs: dict[str, str] = {}
-    for part in _parts(text):
+    for part in _split_list(text):
         name, equals, value = (piece.strip() for piece in part.rpartition("="))
         if not equals or not name:
             raise InputError(
-                f"{what}: '{part}' is not of the form name=value", code="not-name-value", key=what
+                f"{option}: '{part}' is not of the form name=value",
+                code="not-name-value",
+                key=option,
             )
         if name in pairs:
             raise InputError(
-                f"{what}: '{name}' is given twice; keep one", code="name-twice", key=name
+                f"{option}: '{name}' is given twice; keep one", code="name-twice", key=name
             )
         pairs[name] = value
     return pairs
 
 
-def _number_or_text(text: str) -> float | str:
+def _parse_constant(text: str) -> float | str:
     try:
         return float(text)
     except ValueError:

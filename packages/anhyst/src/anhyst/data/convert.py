@@ -9,22 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats import ONE_TABLE, ChannelTable, open_table
+from anhyst.data.formats import ONE_CLOCK_FORMATS, ChannelTable, open_table
 from anhyst.data.formats.channels import (
     Channel,
     ChannelFile,
     ChannelGroup,
     Series,
     Texts,
-    clocks_by_name,
-    read_keys,
-    sections,
+    assign_clocks_by_name,
+    read_groups,
+    read_samples_in_keys,
 )
-from anhyst.data.table import check_recording, read_columns, write_sections
+from anhyst.data.table import check_recording, read_columns, write_channel_groups
 from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
-from anhyst.support.kinds import MEASUREMENT, refuse_other
+from anhyst.support.kinds import MEASUREMENT_FILE, require_kind
 from anhyst.support.units import split_header
 
 
@@ -41,77 +41,79 @@ class Conversion:
     notes: tuple[str, ...]
 
 
-def _file_of(source: Path, progress: Progress | None) -> ChannelFile:
+def _as_channel_file(source: Path, progress: Progress | None) -> ChannelFile:
     """Take the columns of any other table as channels."""
     table = read_columns(source, progress=progress)
-    units = table.opened.units or ("",) * len(table.columns)
+    units = table.source_table.units or ("",) * len(table.columns)
     channels = []
-    for text, unit, column in zip(table.opened.header, units, table.columns, strict=True):
+    for text, unit, column in zip(table.source_table.header, units, table.columns, strict=True):
         is_text = isinstance(column, Texts)
         name, written = (text, "") if is_text else split_header(text, unit)
-        values = np.array(column.rows()) if isinstance(column, Texts) else column
+        values = np.array(column.as_list()) if isinstance(column, Texts) else column
         written = written.replace("_per_", "/")
         channels.append(Channel(name, len(column), values, written, "", None, is_text))
-    return ChannelFile(source, clocks_by_name(channels), read_keys, tuple(table.notes))
+    return ChannelFile(
+        source, assign_clocks_by_name(channels), read_samples_in_keys, tuple(table.notes)
+    )
 
 
-def _one_table(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]]:
+def _put_on_one_clock(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]]:
     """Bring all channels onto one clock, each under a name of its own."""
-    file, shift = table.file, len(table.clocks[:1])
+    file, time_columns = table.file, len(table.clocks[:1])
     if len(table.clocks) < 2 and len({channel.length for channel in file.channels}) == 1:
-        read = file.read([*table.clocks, *file.channels])
+        values_read = file.read([*table.clocks, *file.channels])
         notes: tuple[str, ...] = ()
     else:
-        texts = [n + shift for n, channel in enumerate(file.channels) if channel.is_text]
+        texts = [n + time_columns for n, channel in enumerate(file.channels) if channel.is_text]
         numbers = [n for n in range(len(table.header)) if n not in texts]
         raw = table.read(numbers, texts)
-        columns: dict[int, Any] = {n: np.array(text.rows()) for n, text in raw.texts.items()}
+        columns: dict[int, Any] = {n: np.array(text.as_list()) for n, text in raw.texts.items()}
         columns |= raw.numbers
-        read = [columns[column] for column in range(len(table.header))]
+        values_read = [columns[column] for column in range(len(table.header))]
         notes = raw.notes[len(file.notes) :]
     named = [
         Series(name, unit, values)
-        for name, unit, values in zip(table.header, table.units, read, strict=True)
+        for name, unit, values in zip(table.header, table.units, values_read, strict=True)
     ]
-    clock = named.pop(0) if shift else None
-    parts = [
+    clock = named.pop(0) if time_columns else None
+    groups = [
         ChannelGroup(channel.group if series.name == channel.name else "", None, (series,))
         for channel, series in zip(file.channels, named, strict=True)
     ]
-    return [replace(parts[0], clock=clock), *parts[1:]], notes
+    return [replace(groups[0], clock=clock), *groups[1:]], notes
 
 
-def _without_complex(parts: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup], list[str]]:
+def _drop_complex(groups: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup], list[str]]:
     """Leave out what no format of measurements holds."""
-    left, kept = [], []
-    for part in parts:
-        left += [signal.name for signal in part.series if signal.values.dtype.kind == "c"]
+    dropped, kept_groups = [], []
+    for part in groups:
+        dropped += [signal.name for signal in part.series if signal.values.dtype.kind == "c"]
         series = tuple(signal for signal in part.series if signal.values.dtype.kind != "c")
-        kept.append(replace(part, series=series))
-    return kept, [f"complex channels left out: {', '.join(left)}"] if left else []
+        kept_groups.append(replace(part, series=series))
+    return kept_groups, [f"complex channels left out: {', '.join(dropped)}"] if dropped else []
 
 
 def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -> Conversion:
     """Write a measurement in the format that the suffix of a file name states: `anhyst.convert`."""
     check_path(source, "convert: source", "the path of a measurement")
     check_path(out, "convert: out")
-    refuse_other(source, [MEASUREMENT], "convert")
+    require_kind(source, [MEASUREMENT_FILE], "convert")
     source, out = Path(source), Path(out)
     check_recording(out, reads=[source])
-    opened = open_table(source, least=1)
-    file = opened.file if isinstance(opened, ChannelTable) else _file_of(source, progress)
+    opened = open_table(source, min_columns=1)
+    file = opened.file if isinstance(opened, ChannelTable) else _as_channel_file(source, progress)
     notes = [*file.notes]
-    if out.suffix.lower() in ONE_TABLE:
-        parts, remarks = _one_table(ChannelTable(file))
+    if out.suffix.lower() in ONE_CLOCK_FORMATS:
+        groups, remarks = _put_on_one_clock(ChannelTable(file))
         notes += remarks
     else:
-        parts = sections(file)
-    parts, left = _without_complex(parts)
-    lengths = [len(signal.values) for part in parts for signal in part.series]
+        groups = read_groups(file)
+    groups, complex_notes = _drop_complex(groups)
+    lengths = [len(signal.values) for part in groups for signal in part.series]
     if not lengths:
         raise InputError(
-            f"{source}: holds nothing that can be written; {'; '.join(left)}",
+            f"{source}: holds nothing that can be written; {'; '.join(complex_notes)}",
             code="nothing-to-write",
         )
-    notes += [*left, *write_sections(out, parts)]
+    notes += [*complex_notes, *write_channel_groups(out, groups)]
     return Conversion(str(out), len(lengths), max(lengths), tuple(notes))

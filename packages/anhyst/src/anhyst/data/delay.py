@@ -15,62 +15,62 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.estimates import noise, sampling
+from anhyst.data.estimates import estimate_noise, measure_sampling
 from anhyst.data.holes import find_holes
 from anhyst.data.loops import Loop
-from anhyst.data.path import Branch, branches, move_plays
+from anhyst.data.path import Branch, find_branches, move_plays
 from anhyst.support.numeric import FloatArray
 
-_BRANCH_SAMPLES = 120
+_COARSE_BRANCH_SAMPLES = 120
 """Samples that a branch is averaged to for the first search."""
 _MIN_BRANCH_SAMPLES = 40
 """Shorter branches, such as those of digitised curves, do not show a delay."""
-_REFINEMENT = 4
+_REFINEMENT_FACTOR = 4
 """Each record has this factor more samples than the one before."""
-_MAX_BRANCH_SHARE = 0.25
+_MAX_DELAY_SHARE = 0.25
 """Largest delay of the search, as a share of a branch."""
-_FINE_SAMPLES = 5
+_MAX_FINE_DELAY_SAMPLES = 5
 """Largest correction of the delay in the finer records, in their samples."""
-_MAX_UNEVEN = 0.2
+_MAX_STEP_DEVIATION = 0.2
 """Time steps that differ by a larger share are interpolated to even ones."""
 _MAX_TIPS = 16
 _MIN_WINDOW_SAMPLES = 4
 _MAX_WINDOW_SAMPLES = 60
-_WINDOW_PARTS = (5, 9)
+_WINDOW_DIVISORS = (5, 9)
 """Windows of these parts of a branch must agree: the error that a knee makes grows with the window."""
-_PEAK = 0.03
+_PEAK_SHARE = 0.03
 """The first search includes all delays at which the output is within this share of its largest."""
-_POWERS = 3
-_RAMPS = np.linspace(0.0, 1.0, 9) ** 1.5
+_POLYNOMIAL_DEGREE = 3
+_RAMP_KNOTS = np.linspace(0.0, 1.0, 9) ** 1.5
 """Ends of the straight pieces of the curve after a reversal, as shares of the window."""
-_MIN_ERROR_BLOCKS = (0.05, 0.25)
+_MIN_ERROR_SAMPLES = (0.05, 0.25)
 """Least error of a delay, in samples and in averages of samples: the averages round the tip."""
 _MAX_EDGE_WEIGHT = 0.01
 """A delay is found if the ends of the search have a smaller probability."""
-_SURE = 4.0
+_MIN_DELAY_SIGMAS = 4.0
 """Standard errors from which a delay is not noise."""
 _MIN_DELAY_SAMPLES = 0.4
 """A smaller delay is one of a converter that samples one channel after the other."""
 _MIN_DELAY_SHARE = 0.002
 """A delay of a smaller share of a branch changes the loop less than the noise does."""
-_AGREEMENT = 0.25
+_MAX_ESTIMATE_DEVIATION = 0.25
 """The second estimate must be within this share of the first."""
 _MAX_EXCESS_SHARE = 0.03
 """It may be larger by this share of a branch: play operators take some of the loop for a delay."""
-_NO_DELAY_SHARE = 0.02
+_MAX_ZERO_DELAY_SHARE = 0.02
 """There is no delay if one of this share of a branch would have been found."""
 
 _THRESHOLDS = 0.5 * np.array([0.0, 0.004, 0.01, 0.02, 0.035, 0.06, 0.1, 0.16, 0.25, 0.4])
 """Thresholds of the play operators of the second estimate, in ranges of the input."""
-_KNOTS = np.linspace(0.0, 1.0, 8)[1:-1]
+_HINGE_KNOTS = np.linspace(0.0, 1.0, 8)[1:-1]
 
 
 @dataclass(frozen=True, slots=True)
 class _Tip:
     row: int
     width: int  # samples on each side
-    sign: float  # +1 where the input is largest
-    turn: float  # the same of the output
+    input_sign: float  # +1 where the input is largest
+    output_sign: float  # the same of the output
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class _Estimate:
     error: float
 
 
-def skew(loop: Loop) -> float | None:
+def estimate_delay(loop: Loop) -> float | None:
     """Return the delay of the output behind the input in samples of the median time step.
 
     Zero if the reversals show none, and ``None`` if they cannot show it: they are too few, or the
@@ -90,23 +90,25 @@ def skew(loop: Loop) -> float | None:
     drive, answer = _evenly_sampled(loop)
     if np.ptp(drive) == 0.0:
         return None
-    parts = branches(drive)
+    parts = find_branches(drive)
     length = float(np.median([part.size for part in parts]))
     if len(parts) < 2 or length < _MIN_BRANCH_SAMPLES:
         return None
-    seen = _at_reversals(drive, answer, length)
-    if seen is None:
+    estimate = _search_at_reversals(drive, answer, length)
+    if estimate is None:
         return None
-    least = max(_MIN_DELAY_SAMPLES, _MIN_DELAY_SHARE * length)
-    if abs(seen.delay) <= max(_SURE * seen.error, least):
-        is_sharp = _SURE * seen.error < max(1.0, _NO_DELAY_SHARE * length)
+    min_delay = max(_MIN_DELAY_SAMPLES, _MIN_DELAY_SHARE * length)
+    if abs(estimate.delay) <= max(_MIN_DELAY_SIGMAS * estimate.error, min_delay):
+        is_sharp = _MIN_DELAY_SIGMAS * estimate.error < max(1.0, _MAX_ZERO_DELAY_SHARE * length)
         return 0.0 if is_sharp else None
-    again = _along_path(drive, answer, parts, length)
-    if again is None:
+    second_delay = _search_along_path(drive, answer, parts, length)
+    if second_delay is None:
         return None
-    is_near = abs(again - seen.delay) <= max(0.5, _AGREEMENT * abs(seen.delay))
-    excess = float(np.sign(seen.delay)) * (again - seen.delay)
-    return seen.delay if is_near or 0.0 < excess <= _MAX_EXCESS_SHARE * length else None
+    is_near = abs(second_delay - estimate.delay) <= max(
+        0.5, _MAX_ESTIMATE_DEVIATION * abs(estimate.delay)
+    )
+    excess = float(np.sign(estimate.delay)) * (second_delay - estimate.delay)
+    return estimate.delay if is_near or 0.0 < excess <= _MAX_EXCESS_SHARE * length else None
 
 
 def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
@@ -114,11 +116,11 @@ def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
     time = loop.time
     if time is None:
         return loop.input, loop.output
-    step, _ = sampling(loop)
+    step, _ = measure_sampling(loop)
     edges = [0, *(hole.row + 1 for hole in find_holes(time)), loop.n]
     start, stop = max(itertools.pairwise(edges), key=lambda ends: ends[1] - ends[0])
     rows = slice(start, stop)
-    if not step or np.ptp(np.diff(time[rows])) < _MAX_UNEVEN * step:
+    if not step or np.ptp(np.diff(time[rows])) < _MAX_STEP_DEVIATION * step:
         return loop.input[rows], loop.output[rows]
     grid = np.arange(time[start], time[stop - 1], step)
     return np.interp(grid, time[rows], loop.input[rows]), np.interp(
@@ -126,35 +128,35 @@ def _evenly_sampled(loop: Loop) -> tuple[FloatArray, FloatArray]:
     )
 
 
-def _at_reversals(drive: FloatArray, answer: FloatArray, length: float) -> _Estimate | None:
+def _search_at_reversals(drive: FloatArray, answer: FloatArray, length: float) -> _Estimate | None:
     """Search the delay around the reversals, first in a coarse record, then in finer ones."""
     # Near a tip, noise on the input hides which of the samples is the tip.
-    rough = 2.0 * noise(drive) / float(np.ptp(drive))
-    finest = max(1, round((rough * length) ** (2.0 / 3.0)))
-    stride = max(finest, round(length / _BRANCH_SAMPLES))
-    found: _Estimate | None = None
+    noise_share = 2.0 * estimate_noise(drive) / float(np.ptp(drive))
+    min_stride = max(1, round((noise_share * length) ** (2.0 / 3.0)))
+    stride = max(min_stride, round(length / _COARSE_BRANCH_SAMPLES))
+    best: _Estimate | None = None
     delays: NDArray[np.intp] | None = None
     while True:
-        shift = 0 if found is None else round(found.delay)
-        coarse = _averaged(drive, answer, stride, shift)
+        shift = 0 if best is None else round(best.delay)
+        coarse = _average_blocks(drive, answer, stride, shift)
         if delays is None:
-            delays = _near_peak(*coarse, int(_MAX_BRANCH_SHARE * length / stride))
-        seen = _estimate(*coarse, delays, _MIN_ERROR_BLOCKS[stride > 1])
-        if seen is None:
-            return found
-        seen = _Estimate(shift + stride * seen.delay, stride * seen.error)
-        if found is not None:
-            apart = abs(seen.delay - found.delay)
-            if seen.error > found.error or apart > _SURE * found.error:
-                return found
-        found = seen
-        if stride <= finest:
-            return found
-        stride = max(finest, stride // _REFINEMENT)
-        delays = np.arange(-_FINE_SAMPLES, _FINE_SAMPLES + 1)
+            delays = _candidate_delays(*coarse, int(_MAX_DELAY_SHARE * length / stride))
+        estimate = _estimate_in_windows(*coarse, delays, _MIN_ERROR_SAMPLES[stride > 1])
+        if estimate is None:
+            return best
+        estimate = _Estimate(shift + stride * estimate.delay, stride * estimate.error)
+        if best is not None:
+            difference = abs(estimate.delay - best.delay)
+            if estimate.error > best.error or difference > _MIN_DELAY_SIGMAS * best.error:
+                return best
+        best = estimate
+        if stride <= min_stride:
+            return best
+        stride = max(min_stride, stride // _REFINEMENT_FACTOR)
+        delays = np.arange(-_MAX_FINE_DELAY_SAMPLES, _MAX_FINE_DELAY_SAMPLES + 1)
 
 
-def _averaged(
+def _average_blocks(
     drive: FloatArray, answer: FloatArray, stride: int, shift: int
 ) -> tuple[FloatArray, FloatArray]:
     """Average blocks of samples of the input, and of the output a number of samples later."""
@@ -166,78 +168,80 @@ def _averaged(
     )
 
 
-def _tips(drive: FloatArray, answer: FloatArray, parts: int) -> list[_Tip]:
+def _find_tips(drive: FloatArray, answer: FloatArray, parts: int) -> list[_Tip]:
     """Find the reversals of an input, and whether the output has a maximum or a minimum there."""
     tips = []
-    for first, second in itertools.pairwise(branches(drive)[: _MAX_TIPS + 1]):
+    for first, second in itertools.pairwise(find_branches(drive)[: _MAX_TIPS + 1]):
         length = min(first.size, second.size)
         row, width = first.stop - 1, min(length // parts, _MAX_WINDOW_SAMPLES)
-        away = length // 3
-        turn = float(np.sign(2.0 * answer[row] - answer[row - away] - answer[row + away]))
+        offset = length // 3
+        turn = float(np.sign(2.0 * answer[row] - answer[row - offset] - answer[row + offset]))
         if width >= _MIN_WINDOW_SAMPLES and turn != 0.0:
-            tips.append(_Tip(row, width, 1.0 if first.rising else -1.0, turn))
+            tips.append(_Tip(row, width, 1.0 if first.is_rising else -1.0, turn))
     return tips
 
 
-def _near_peak(drive: FloatArray, answer: FloatArray, reach: int) -> NDArray[np.intp]:
+def _candidate_delays(drive: FloatArray, answer: FloatArray, reach: int) -> NDArray[np.intp]:
     """Return the delays at which the output is about largest, averaged over the reversals."""
     reach = max(4, reach)
     stack = [
-        tip.turn * answer[tip.row - reach : tip.row + reach + 1]
-        for tip in _tips(drive, answer, _WINDOW_PARTS[0])
+        tip.output_sign * answer[tip.row - reach : tip.row + reach + 1]
+        for tip in _find_tips(drive, answer, _WINDOW_DIVISORS[0])
         if tip.row >= reach and tip.row + reach < answer.size
     ]
     if not stack:
         return np.arange(-4, 5)
     mean = np.mean(stack, axis=0)
-    best, low = int(np.argmax(mean)), mean < mean.max() - _PEAK * np.ptp(mean)
+    best, low = int(np.argmax(mean)), mean < mean.max() - _PEAK_SHARE * np.ptp(mean)
     before, after = np.flatnonzero(low[:best]), np.flatnonzero(low[best:])
     first = before[-1] if before.size else 0
     last = best + after[0] if after.size else mean.size - 1
     return np.arange(first - 3, last + 4) - reach
 
 
-def _estimate(
-    drive: FloatArray, answer: FloatArray, delays: NDArray[np.intp], least: float
+def _estimate_in_windows(
+    drive: FloatArray, answer: FloatArray, delays: NDArray[np.intp], min_error: float
 ) -> _Estimate | None:
     """Return the delay on which two windows agree; ``None`` if one finds none in the range."""
-    found = []
-    for parts in _WINDOW_PARTS:
+    estimates = []
+    for parts in _WINDOW_DIVISORS:
         tips = [
             tip
-            for tip in _tips(drive, answer, parts)
+            for tip in _find_tips(drive, answer, parts)
             if tip.row - tip.width + delays[0] >= 0
             and tip.row + tip.width + delays[-1] < drive.size
         ]
         if not tips:
             return None
-        costs = np.array([_misfits(drive, answer, tip, delays) for tip in tips])
-        count = sum(2 * tip.width + 1 - _POWERS - _RAMPS.size for tip in tips)
+        costs = np.array([_misfit_by_delay(drive, answer, tip, delays) for tip in tips])
+        count = sum(2 * tip.width + 1 - _POLYNOMIAL_DEGREE - _RAMP_KNOTS.size for tip in tips)
         sigma2 = float(costs.sum(axis=0).min()) / max(1, count) + 1e-14 * float(np.var(answer))
-        seen = _most_probable(costs, delays, sigma2)
-        if seen is None:
+        estimate = _most_probable(costs, delays, sigma2)
+        if estimate is None:
             return None
-        found.append(seen)
-    best = min(found, key=lambda one: one.error)
-    apart = 0.5 * abs(found[0].delay - found[1].delay)
-    return _Estimate(best.delay, max(best.error, apart, least))
+        estimates.append(estimate)
+    best = min(estimates, key=lambda one: one.error)
+    half_difference = 0.5 * abs(estimates[0].delay - estimates[1].delay)
+    return _Estimate(best.delay, max(best.error, half_difference, min_error))
 
 
-def _misfits(
+def _misfit_by_delay(
     drive: FloatArray, answer: FloatArray, tip: _Tip, delays: NDArray[np.intp]
 ) -> FloatArray:
     """Return the sum of squared deviations around a reversal, for each delay."""
     from scipy.optimize import nnls  # slow to load, and needed by `inspect` only
 
     rows = np.arange(tip.row - tip.width, tip.row + tip.width + 1)
-    depth = tip.sign * (drive[tip.row] - drive[rows])
+    depth = tip.input_sign * (drive[tip.row] - drive[rows])
     is_after = rows > tip.row
     before = np.where(is_after, 0.0, depth / (np.max(np.abs(depth[~is_after])) or 1.0))
     after = np.where(is_after, depth / (np.max(np.abs(depth[is_after])) or 1.0), 0.0)
-    smooth, _ = np.linalg.qr(np.stack([before**power for power in range(_POWERS + 1)], axis=1))
-    pieces = itertools.pairwise(_RAMPS)
+    smooth, _ = np.linalg.qr(
+        np.stack([before**power for power in range(_POLYNOMIAL_DEGREE + 1)], axis=1)
+    )
+    pieces = itertools.pairwise(_RAMP_KNOTS)
     ramps = np.stack([np.clip(after, low, high) - low for low, high in pieces], axis=1)
-    falls = np.stack([-tip.turn * answer[rows + delay] for delay in delays], axis=1)
+    falls = np.stack([-tip.output_sign * answer[rows + delay] for delay in delays], axis=1)
     ramps, falls = (part - smooth @ (smooth.T @ part) for part in (ramps, falls))
     return np.array([nnls(ramps, fall)[1] ** 2 for fall in falls.T])
 
@@ -253,49 +257,51 @@ def _most_probable(costs: FloatArray, delays: NDArray[np.intp], sigma2: float) -
     error = float(weights @ (delays - delay) ** 2) ** 0.5
     best = int(np.argmin(total))
     left, middle, right = total[best - 1 : best + 2]
-    bend = float(left - 2.0 * middle + right)
+    curvature = float(left - 2.0 * middle + right)
     if error < 0.7:  # the minimum is narrower than the steps of the delays
-        delay = float(delays[best]) + 0.5 * float(left - right) / bend
-        error = max(error, (2.0 * sigma2 / bend) ** 0.5)
-    others = np.array([delays[np.argmin(total - cost)] for cost in costs])
-    if np.ptp(others) > 1:
-        error = max(error, float((len(costs) - 1) * np.var(others)) ** 0.5)
+        delay = float(delays[best]) + 0.5 * float(left - right) / curvature
+        error = max(error, (2.0 * sigma2 / curvature) ** 0.5)
+    delay_by_tip = np.array([delays[np.argmin(total - cost)] for cost in costs])
+    if np.ptp(delay_by_tip) > 1:
+        error = max(error, float((len(costs) - 1) * np.var(delay_by_tip)) ** 0.5)
     return _Estimate(delay, error)
 
 
-def _along_path(
+def _search_along_path(
     drive: FloatArray, answer: FloatArray, parts: list[Branch], length: float
 ) -> float | None:
     """Return the delay at which curves over play operators of the input fit the output best."""
     parts = parts[:_MAX_TIPS]
-    stride = max(1, round(length / _BRANCH_SAMPLES))
-    reach = max(3, int(_MAX_BRANCH_SHARE * length / stride)) * stride
+    stride = max(1, round(length / _COARSE_BRANCH_SAMPLES))
+    reach = max(3, int(_MAX_DELAY_SHARE * length / stride)) * stride
     stop = min(drive.size, parts[-1].stop + reach)
     start = max(parts[0].stop if len(parts) > 3 else 0, reach)  # the first branch may be virgin
     rows = np.arange(stop // stride) * stride
-    basis = _play_curves(np.add.reduceat(drive[:stop], rows)[: rows.size] / stride)
+    basis = _play_basis(np.add.reduceat(drive[:stop], rows)[: rows.size] / stride)
     is_used = (rows >= start) & (rows < stop - reach - stride)
     rows, basis = rows[is_used], basis[is_used]
     if rows.size < 2 * basis.shape[1]:
         return None
-    across, sizes, _ = np.linalg.svd(basis, full_matrices=False)
-    across = across[:, sizes > 1e-4 * sizes[0]]
+    orthonormal, sizes, _ = np.linalg.svd(basis, full_matrices=False)
+    orthonormal = orthonormal[:, sizes > 1e-4 * sizes[0]]
     sums = np.concatenate([[0.0], np.cumsum(answer - answer.mean())])
 
-    def minimum(delays: NDArray[np.intp]) -> int:
+    def best_delay(delays: NDArray[np.intp]) -> int:
         ends = rows[:, np.newaxis] + delays
         outputs = (sums[ends + stride] - sums[ends]) / stride
-        left = outputs - across @ (across.T @ outputs)
-        return int(delays[np.argmin(np.sum(left**2, axis=0))])
+        residual = outputs - orthonormal @ (orthonormal.T @ outputs)
+        return int(delays[np.argmin(np.sum(residual**2, axis=0))])
 
-    rough = minimum(np.arange(-reach, reach + 1, stride))
+    coarse_delay = best_delay(np.arange(-reach, reach + 1, stride))
     step = max(1, stride // 8)
-    if stride == 1 or abs(rough) == reach:
-        return float(rough)
-    return float(minimum(np.clip(rough + np.arange(-stride, stride + 1, step), -reach, reach)))
+    if stride == 1 or abs(coarse_delay) == reach:
+        return float(coarse_delay)
+    return float(
+        best_delay(np.clip(coarse_delay + np.arange(-stride, stride + 1, step), -reach, reach))
+    )
 
 
-def _play_curves(drive: FloatArray) -> FloatArray:
+def _play_basis(drive: FloatArray) -> FloatArray:
     """Return hinges over play operators of the input, a column each."""
     size = (drive - drive.min()) / np.ptp(drive)
     columns = [np.ones_like(size)]
@@ -304,6 +310,6 @@ def _play_curves(drive: FloatArray) -> FloatArray:
     for threshold, play in zip(_THRESHOLDS.tolist(), plays.T, strict=True):
         columns += [
             play,
-            *(np.maximum(play - knot, 0.0) for knot in _KNOTS[:: 1 + (threshold > 0)]),
+            *(np.maximum(play - knot, 0.0) for knot in _HINGE_KNOTS[:: 1 + (threshold > 0)]),
         ]
     return np.stack(columns, axis=1)

@@ -35,7 +35,7 @@ EXAMPLES: Mapping[str, tuple[str, ...]] = {
 }
 """The examples, and what to run in a copy of one."""
 
-_SUFFIXES = (".csv", ".md", ".toml")
+_COPIED_SUFFIXES = (".csv", ".md", ".toml")
 """Suffixes of the files that are copied, and the licence of data of others: no scripts."""
 
 
@@ -66,7 +66,7 @@ def example_files(name: str) -> dict[str, Path]:
         )
     folder = shipped_folder("anhyst", "examples", "_examples", "bearing") / name
     files = (path for path in sorted(folder.rglob("*")) if path.is_file())
-    copied = (path for path in files if path.suffix in _SUFFIXES or path.name == "LICENSE")
+    copied = (path for path in files if path.suffix in _COPIED_SUFFIXES or path.name == "LICENSE")
     return {path.relative_to(folder).as_posix(): path for path in copied}
 
 

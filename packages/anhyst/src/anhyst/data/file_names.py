@@ -10,10 +10,10 @@ from pathlib import Path
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, parse_header
-from anhyst.support.vocabulary import WORDS
+from anhyst.support.vocabulary import QUANTITY_WORDS
 
 
-def with_file_name(path: Path, description: FileDescription) -> FileDescription:
+def add_constants_of_name(path: Path, description: FileDescription) -> FileDescription:
     """Add the constants that the file's name holds, by the pattern ``file_name``."""
     if description.file_name is None:
         return description
@@ -44,12 +44,12 @@ def with_file_name(path: Path, description: FileDescription) -> FileDescription:
     return replace(description, constants=constants)
 
 
-_GAP_WORD = rf"(?:{'|'.join(sorted(WORDS['gap'], key=len, reverse=True))})"
-_NUMBER = r"(?P<number>\d+(?:[.,p]\d+)?|0[_-]\d+)"
-_UNIT = r"[ _]?(?P<unit>mm|um|µm|μm|micron|cm|mil|thou|inch)(?![a-z0-9])"
-_WITH_WORD = re.compile(rf"{_GAP_WORD}[-_ =]*{_NUMBER}{_UNIT}", re.IGNORECASE)
-_LENGTH = re.compile(rf"(?<![0-9.,]){_NUMBER}{_UNIT}", re.IGNORECASE)
-_OTHER_LENGTH = re.compile(
+_GAP_WORD = rf"(?:{'|'.join(sorted(QUANTITY_WORDS['gap'], key=len, reverse=True))})"
+_NUMBER_PATTERN = r"(?P<number>\d+(?:[.,p]\d+)?|0[_-]\d+)"
+_UNIT_PATTERN = r"[ _]?(?P<unit>mm|um|µm|μm|micron|cm|mil|thou|inch)(?![a-z0-9])"
+_GAP_PATTERN = re.compile(rf"{_GAP_WORD}[-_ =]*{_NUMBER_PATTERN}{_UNIT_PATTERN}", re.IGNORECASE)
+_LENGTH_PATTERN = re.compile(rf"(?<![0-9.,]){_NUMBER_PATTERN}{_UNIT_PATTERN}", re.IGNORECASE)
+_OTHER_LENGTH_WORDS = re.compile(
     r"(?:dicke|thick(?:ness)?|dia(?:meter)?|durchmesser|core|kern|wire|draht|sheet|blech|stack|"
     r"length|laenge|width|breite|height|hoehe|stroke|hub|ampl?(?:itude)?|range|sample|probe|"
     r"lam(?:ination)?|radius|rod|pole|step|speed|v|cable|kabel|lever|hebel|shaft|welle)[-_ =]*$|"
@@ -59,56 +59,62 @@ _OTHER_LENGTH = re.compile(
 """Words before a length that is not a gap, and names of types such as ``EM12mm``."""
 _MAX_GAP_M = 0.02
 """Longest gap that a name states without a word for it."""
-_MAX_OTHER = 0.3
+_MAX_GAP_DIFFERENCE = 0.3
 """A measured gap that differs more from that of the file's name contradicts it."""
 
 
-def gaps_of_names(paths: Sequence[Path]) -> dict[Path, float]:
+def find_gaps_in_names(paths: Sequence[Path]) -> dict[Path, float]:
     """Return the gap of each file by its name, m; empty unless all names state one.
 
     Without a word for a gap, the names must differ in nothing else than numbers.
     """
-    gaps = {path: _gap_of_name(path.stem) for path in paths}
-    found = {path: gap for path, gap in gaps.items() if gap is not None}
-    if len(found) < len(gaps):
+    gaps = {path: _find_gap_in_name(path.stem) for path in paths}
+    known_gaps = {path: gap for path, gap in gaps.items() if gap is not None}
+    if len(known_gaps) < len(gaps):
         return {}
-    has_words = all(_WITH_WORD.search(path.stem) for path in paths)
-    rests = {re.sub(r"\d+", "", _LENGTH.sub("", path.stem)) for path in paths}
-    return found if has_words or (len(set(found.values())) > 1 and len(rests) == 1) else {}
+    has_words = all(_GAP_PATTERN.search(path.stem) for path in paths)
+    names_without_numbers = {
+        re.sub(r"\d+", "", _LENGTH_PATTERN.sub("", path.stem)) for path in paths
+    }
+    return (
+        known_gaps
+        if has_words or (len(set(known_gaps.values())) > 1 and len(names_without_numbers) == 1)
+        else {}
+    )
 
 
-def refuse_other_gap(path: Path, measured: Sequence[float | None]) -> None:
+def refuse_contradicting_gap(path: Path, measured: Sequence[float | None]) -> None:
     """Refuse a file whose name states another gap than its column."""
-    named = _gap_of_name(path.stem) if _WITH_WORD.search(path.stem) else None
+    name_gap = _find_gap_in_name(path.stem) if _GAP_PATTERN.search(path.stem) else None
     gap = measured[0]
-    if named is None or gap is None or len(set(measured)) > 1:
+    if name_gap is None or gap is None or len(set(measured)) > 1:
         return
-    if abs(gap - named) > _MAX_OTHER * max(gap, named):
+    if abs(gap - name_gap) > _MAX_GAP_DIFFERENCE * max(gap, name_gap):
         raise InputError(
-            f"{path}: its name says a gap of {1e3 * named:.4g} mm, its column {1e3 * gap:.4g} mm; "
+            f"{path}: its name says a gap of {1e3 * name_gap:.4g} mm, its column {1e3 * gap:.4g} mm; "
             "correct the name, or if the column is true: --schedule gap",
             code="gap-contradiction",
             key="gap",
         )
 
 
-def gap_note(gaps: Mapping[Path, float]) -> str:
+def describe_name_gaps(gaps: Mapping[Path, float]) -> str:
     """Say in one line which gaps the names gave."""
     texts = dict.fromkeys(f"{1e3 * gap:.4g} mm" for gap in sorted(gaps.values()))
     names = "file name" if len(gaps) == 1 else "file names"
     return f"gap taken from the {names}: {', '.join(texts)}"
 
 
-def _gap_of_name(stem: str) -> float | None:
+def _find_gap_in_name(stem: str) -> float | None:
     """Return the gap that a name states, m: beside a word for it, or the only length in the name.
 
     >>> _gap_of_name("Messung_Spalt_0,5mm"), _gap_of_name("gap0p5mm_run3"), _gap_of_name("run_5")
     (0.0005, 0.0005, None)
     """
-    matches = list(_WITH_WORD.finditer(stem))
+    matches = list(_GAP_PATTERN.finditer(stem))
     if not matches:
-        matches = [match for match in _LENGTH.finditer(stem) if _is_plain(stem, match)]
-        if len(matches) != len(_LENGTH.findall(stem)):
+        matches = [match for match in _LENGTH_PATTERN.finditer(stem) if _can_be_gap(stem, match)]
+        if len(matches) != len(_LENGTH_PATTERN.findall(stem)):
             return None
     if len(matches) != 1:
         return None
@@ -116,13 +122,13 @@ def _gap_of_name(stem: str) -> float | None:
     if unit is None or re.fullmatch(r"0\d+", number):
         return None  # 05 may be 5 or 0.5
     gap = unit.value_to_si(float(re.sub(r"[,p_-]", ".", number.lower())))
-    return gap if gap <= _MAX_GAP_M or _WITH_WORD.search(stem) else None
+    return gap if gap <= _MAX_GAP_M or _GAP_PATTERN.search(stem) else None
 
 
-def _is_plain(stem: str, match: re.Match[str]) -> bool:
+def _can_be_gap(stem: str, match: re.Match[str]) -> bool:
     """Whether a length may be a gap: no other word before it, and no digits that belong to it."""
     before, number = stem[: match.start()], match["number"]
     is_decimal = any(sign in number for sign in ".,p")
     if re.search(r"\d-$" if is_decimal else r"\d[-_]$", before) or "_" in number:
         return False
-    return _OTHER_LENGTH.search(before) is None
+    return _OTHER_LENGTH_WORDS.search(before) is None

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.data.estimates import noise, sampling
+from anhyst.data.estimates import estimate_noise, measure_sampling
 from anhyst.data.holes import find_holes
-from anhyst.data.loops import Loop, Loops, with_columns
-from anhyst.data.path import branches, reversal_count
+from anhyst.data.loops import Loop, Loops, replace_columns
+from anhyst.data.path import find_branches, reversal_count
 from anhyst.support.numeric import FloatArray
-from anhyst.support.wording import count_of
+from anhyst.support.wording import count_text
 
 _MIN_RIPPLE_SHARE = 0.002
 """A ripple has at least this amplitude, in ranges of the input; a smaller one is noise."""
@@ -26,16 +26,16 @@ _MAX_RIPPLE_SHARE = 0.2
 _MIN_PERIODS = 120
 _MIN_PERIODS_PER_BRANCH = 40
 """Fewer are minor loops that somebody drove."""
-_MIN_LINE = 20.0
+_MIN_LINE_RATIO = 20.0
 """A line of the spectrum is higher than its surroundings by this factor."""
-_MIN_KNOWN_LINE = 5.0
+_MIN_KNOWN_LINE_RATIO = 5.0
 """The same for the output, whose frequency is known: noise exceeds it once in 10 million records."""
-_MAX_UNEVEN = 0.2
+_MAX_STEP_DEVIATION = 0.2
 """Steadiness of the clock, as a share of its step."""
-_SEGMENTS = 12
-_STEADY_SEGMENTS = 0.75
+_SEGMENT_COUNT = 12
+_MIN_STEADY_SHARE = 0.75
 """Share of the segments that must be steady."""
-_STEADY = (0.6, 1.4)
+_STEADY_AMPLITUDE_RATIOS = (0.6, 1.4)
 """The amplitude in most segments of the record is within these shares of its median."""
 
 _MIN_NOISE_SHARE = 4e-4
@@ -44,7 +44,7 @@ _MIN_NOISE_STEPS = 1.0
 """Noise turns the input back only if it is larger than the mean step between samples."""
 _MAX_STEP_SIGMAS = 2.0
 """White noise makes a median step of 0.95 standard deviations between neighbours."""
-_LAG = 50
+_STEP_AVERAGE_SAMPLES = 50
 """Samples over which the mean step is taken: noise does not count in it."""
 _WINDOW_SIGMAS = 12.0
 """Travel of the input within the window of a parabola, in standard deviations of its noise."""
@@ -59,19 +59,23 @@ class _Ripple:
     is_followed: bool = False  # whether the output ripples at the same frequency
 
 
-def ripple(loopset: Loops) -> Loops:
+def average_over_ripple(loopset: Loops) -> Loops:
     """Average all channels over whole periods of a fast and steady ripple of the input."""
     ripples = [_find_ripple(loop) for loop in loopset.loops]
     is_followed = any(ripple is not None and ripple.is_followed for ripple in ripples)
     loops, texts, largest = [], [], 0.0
-    for loop, found in zip(loopset.loops, ripples, strict=True):
-        loops.append(loop if found is None else _without(loop, found, is_followed=is_followed))
-        if found is not None:
-            (step, _), largest = sampling(loop), max(largest, found.amplitude)
-            rate = f"{found.period:.3g} samples"
+    for loop, found_ripple in zip(loopset.loops, ripples, strict=True):
+        loops.append(
+            loop
+            if found_ripple is None
+            else _remove_ripple(loop, found_ripple, is_followed=is_followed)
+        )
+        if found_ripple is not None:
+            (step, _), largest = measure_sampling(loop), max(largest, found_ripple.amplitude)
+            rate = f"{found_ripple.period:.3g} samples"
             if step:
-                rate = f"{1.0 / (found.period * step):.4g} Hz"
-            size = f"{found.amplitude:.2g} {loopset.input.unit}"
+                rate = f"{1.0 / (found_ripple.period * step):.4g} Hz"
+            size = f"{found_ripple.amplitude:.2g} {loopset.input.unit}"
             texts.append(f"{rate}, {size} in loop '{loop.label}'")
     if not texts:
         return loopset
@@ -93,23 +97,25 @@ def ripple(loopset: Loops) -> Loops:
 
 def denoise(loopset: Loops) -> Loops:
     """Smooth the white noise of an input that is smooth between its reversals."""
-    loops = [_denoised(loop) for loop in loopset.loops]
+    loops = [_denoise_loop(loop) for loop in loopset.loops]
     count = sum(new is not old for new, old in zip(loops, loopset.loops, strict=True))
     if not count:
         return loopset
-    sigma = max(noise(loop.input) for loop in loopset.loops)
+    sigma = max(estimate_noise(loop.input) for loop in loopset.loops)
     return loopset.with_loops(
         loops,
         f"denoise: noise of up to {sigma:.2g} {loopset.input.unit} smoothed in the "
-        f"{loopset.input.name} of {count_of(count, 'loop')}",
+        f"{loopset.input.name} of {count_text(count, 'loop')}",
     )
 
 
 def _find_ripple(loop: Loop) -> _Ripple | None:
     """Find the strongest steady line of the input; ``None`` if it is no ripple."""
     drive, span = loop.input, float(np.ptp(loop.input))
-    _, uneven = sampling(loop)
-    if loop.n < 4 * _MIN_PERIODS or (uneven is not None and uneven > _MAX_UNEVEN):
+    _, step_deviation = measure_sampling(loop)
+    if loop.n < 4 * _MIN_PERIODS or (
+        step_deviation is not None and step_deviation > _MAX_STEP_DEVIATION
+    ):
         return None
     lines = _spectrum(drive)
     peak = int(np.argmax(lines))
@@ -118,15 +124,18 @@ def _find_ripple(loop: Loop) -> _Ripple | None:
         return None
     if not 0 < peak < lines.size - 1:
         return None
-    sides = lines[peak - 1], lines[peak + 1]
-    place = peak + (sides[1] - sides[0]) / (sides[0] + 2.0 * amplitude + sides[1]) * 2.0
-    period = loop.n / float(place)
-    slow = _averaged(_averaged(drive, period), period)
+    neighbours = lines[peak - 1], lines[peak + 1]
+    peak_position = (
+        peak
+        + (neighbours[1] - neighbours[0]) / (neighbours[0] + 2.0 * amplitude + neighbours[1]) * 2.0
+    )
+    period = loop.n / float(peak_position)
+    slow = _average_over_period(_average_over_period(drive, period), period)
     cut = (loop.n - slow.size) // 2
     fast = drive[cut : cut + slow.size] - slow
     size = 0.5 * float(np.diff(np.quantile(fast, (0.02, 0.98)))[0])
-    found = _Ripple(period, size, _is_line(_spectrum(loop.output), peak, _MIN_KNOWN_LINE))
-    return found if _is_ripple(drive, slow, fast, found) else None
+    candidate = _Ripple(period, size, _is_line(_spectrum(loop.output), peak, _MIN_KNOWN_LINE_RATIO))
+    return candidate if _is_ripple(drive, slow, fast, candidate) else None
 
 
 def _spectrum(values: FloatArray) -> FloatArray:
@@ -137,27 +146,34 @@ def _spectrum(values: FloatArray) -> FloatArray:
     return np.asarray(lines)
 
 
-def _is_line(lines: FloatArray, peak: int, least: float = _MIN_LINE) -> bool:
+def _is_line(lines: FloatArray, peak: int, min_ratio: float = _MIN_LINE_RATIO) -> bool:
     """Whether an amplitude stands out from those around it."""
-    around = np.concatenate([lines[peak // 2 : peak - 4], lines[peak + 5 : 2 * peak]])
-    around = around[around > 0.0]
-    return bool(around.size and lines[peak] > least * float(np.median(around)))
+    surroundings = np.concatenate([lines[peak // 2 : peak - 4], lines[peak + 5 : 2 * peak]])
+    surroundings = surroundings[surroundings > 0.0]
+    return bool(surroundings.size and lines[peak] > min_ratio * float(np.median(surroundings)))
 
 
-def _is_ripple(drive: FloatArray, slow: FloatArray, fast: FloatArray, found: _Ripple) -> bool:
+def _is_ripple(drive: FloatArray, slow: FloatArray, fast: FloatArray, candidate: _Ripple) -> bool:
     """Whether an oscillation is steady, turns the input back, and is fast against its cycles."""
-    length = float(np.median([part.size for part in branches(slow)]))
-    if length < _MIN_PERIODS_PER_BRANCH * found.period:
+    length = float(np.median([part.size for part in find_branches(slow)]))
+    if length < _MIN_PERIODS_PER_BRANCH * candidate.period:
         return False
-    if reversal_count(drive, 0.5 * found.amplitude) < drive.size / found.period:
+    if reversal_count(drive, 0.5 * candidate.amplitude) < drive.size / candidate.period:
         return False  # the steps of a staircase
-    turned = fast * np.exp(-2j * np.pi * np.arange(fast.size) / found.period)
-    sizes = np.array([abs(part.mean()) for part in np.array_split(turned, _SEGMENTS)])
-    shares = sizes / (float(np.median(sizes)) or 1.0)
-    return float(np.mean((shares > _STEADY[0]) & (shares < _STEADY[1]))) >= _STEADY_SEGMENTS
+    demodulated = fast * np.exp(-2j * np.pi * np.arange(fast.size) / candidate.period)
+    amplitudes = np.array(
+        [abs(part.mean()) for part in np.array_split(demodulated, _SEGMENT_COUNT)]
+    )
+    ratios = amplitudes / (float(np.median(amplitudes)) or 1.0)
+    return (
+        float(
+            np.mean((ratios > _STEADY_AMPLITUDE_RATIOS[0]) & (ratios < _STEADY_AMPLITUDE_RATIOS[1]))
+        )
+        >= _MIN_STEADY_SHARE
+    )
 
 
-def _averaged(values: FloatArray, period: float) -> FloatArray:
+def _average_over_period(values: FloatArray, period: float) -> FloatArray:
     """Average over a period, which need not be a whole number of samples; both ends are lost."""
     half = int(np.ceil((period - 1.0) / 2.0))
     weights = np.ones(2 * half + 1)
@@ -166,37 +182,42 @@ def _averaged(values: FloatArray, period: float) -> FloatArray:
     return averaged
 
 
-def _without(loop: Loop, found: _Ripple, *, is_followed: bool) -> Loop:
+def _remove_ripple(loop: Loop, found_ripple: _Ripple, *, is_followed: bool) -> Loop:
     """Return a loop averaged over the periods of a ripple.
 
     Iron that follows the ripple is magnetised by its edge: the largest input of a period while the
     mean rises, the smallest while it falls.
     """
-    cut = 2 * int(np.ceil((found.period - 1.0) / 2.0))
+    cut = 2 * int(np.ceil((found_ripple.period - 1.0) / 2.0))
     # Averages in between say nothing new.
-    rows = slice(cut, loop.n - cut, max(1, round(found.period)))
+    rows = slice(cut, loop.n - cut, max(1, round(found_ripple.period)))
 
-    def slow(values: FloatArray) -> FloatArray:
+    def average(values: FloatArray) -> FloatArray:
         if np.ptp(values) == 0.0:
             return values[rows]
-        return _averaged(_averaged(values, found.period), found.period)[:: rows.step]
+        return _average_over_period(
+            _average_over_period(values, found_ripple.period), found_ripple.period
+        )[:: rows.step]
 
-    drive = slow(loop.input)
+    drive = average(loop.input)
     if is_followed:
         edge = np.zeros_like(drive)
-        for part in branches(drive):
-            edge[part.rows] = found.amplitude if part.rising else -found.amplitude
+        for part in find_branches(drive):
+            edge[part.rows] = found_ripple.amplitude if part.is_rising else -found_ripple.amplitude
         drive = drive + edge
     time = None if loop.time is None else loop.time[rows]
-    return with_columns(loop, slow, input=drive, time=time)
+    return replace_columns(loop, average, input=drive, time=time)
 
 
-def _denoised(loop: Loop) -> Loop:
+def _denoise_loop(loop: Loop) -> Loop:
     """Return a loop with a smooth input, or the loop itself if its noise does no harm."""
     drive, span = loop.input, float(np.ptp(loop.input))
-    sigma = noise(drive)
+    sigma = estimate_noise(drive)
     step = (
-        float(np.median(np.abs(drive[_LAG:] - drive[:-_LAG]))) / _LAG if loop.n > 4 * _LAG else span
+        float(np.median(np.abs(drive[_STEP_AVERAGE_SAMPLES:] - drive[:-_STEP_AVERAGE_SAMPLES])))
+        / _STEP_AVERAGE_SAMPLES
+        if loop.n > 4 * _STEP_AVERAGE_SAMPLES
+        else span
     )
     is_smooth = sigma < max(_MIN_NOISE_SHARE * span, _MIN_NOISE_STEPS * step)
     # Where neighbours differ by more than their noise, the drive is fast and not noisy.
@@ -205,16 +226,16 @@ def _denoised(loop: Loop) -> Loop:
         return loop
     from scipy.signal import savgol_filter  # slow to load, and needed for noisy inputs only
 
-    parts = branches(drive)
+    parts = find_branches(drive)
     length = float(np.median([part.size for part in parts]))
-    most = int(_MAX_WINDOW_SHARE * length)
-    wide = max(5, min(most, int(_WINDOW_SIGMAS * sigma / step) if step else most)) | 1
+    max_window = int(_MAX_WINDOW_SHARE * length)
+    window = max(5, min(max_window, int(_WINDOW_SIGMAS * sigma / step) if step else max_window)) | 1
     smooth = np.array(drive)
     ends = []
     for part in parts:
-        if part.size <= wide:
+        if part.size <= window:
             continue
-        piece = savgol_filter(drive[part.rows], wide, 2, mode="interp")
+        piece = savgol_filter(drive[part.rows], window, 2, mode="interp")
         ends += [(part.start, piece[0]), (part.stop - 1, piece[-1])]
         smooth[part.rows] = piece
     # A reversal is where the curves of both sides meet.

@@ -7,10 +7,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from anhyst.data.formats import OpenTable
-from anhyst.data.proposals import needs_scale, scale_advice, unknown_scale
+from anhyst.data.proposals import needs_scale, scale_advice, scale_placeholder
 from anhyst.support.errors import InputError
 from anhyst.support.units import (
-    INPUTS,
+    DRIVE_QUANTITIES,
     QUANTITIES,
     Header,
     Quantity,
@@ -20,8 +20,9 @@ from anhyst.support.units import (
 )
 from anhyst.support.vocabulary import has_qualifier, is_formula
 
-_PAIRED = frozenset(
-    QUANTITIES[name] for name in (*INPUTS, "force", "thrust", "flux_density", "flux_linkage")
+_INPUTS_AND_OUTPUTS = frozenset(
+    QUANTITIES[name]
+    for name in (*DRIVE_QUANTITIES, "force", "thrust", "flux_density", "flux_linkage")
 )
 """Quantities that one of several columns in the same unit may be."""
 
@@ -38,12 +39,14 @@ def map_headers(
     """
     rows = table.units or (None,) * len(table.header)
     headers = [parse_header(text, unit) for text, unit in zip(table.header, rows, strict=True)]
-    indices = {source: _find(table, source, "map") for source in columns}
+    indices = {source: _find_column(table, source, "map") for source in columns}
     targets = {indices[source]: target for source, target in columns.items()}
     scales: dict[int, float] = {}
     for name, value in (scale or {}).items():
-        scales[_find_meant(table, headers, targets, name, "scale")] = _number(name, value)
-    flipped = {_find_meant(table, headers, targets, name, "flip") for name in flip}
+        scales[_find_by_any_name(table, headers, targets, name, "scale")] = _parse_scale(
+            name, value
+        )
+    flipped = {_find_by_any_name(table, headers, targets, name, "flip") for name in flip}
     for index, header in enumerate(headers):
         changed = replace(header, scale=scales.get(index), is_flipped=index in flipped)
         if index in targets:
@@ -51,11 +54,11 @@ def map_headers(
         elif header.problem and header.unit is None and index in scales:
             changed = replace(changed, scale=None)  # the unit is the question, not the scale
         headers[index] = changed
-    _ask_for_scales(table.source_name, headers)
-    return tuple(_without_doubtful_words(headers))
+    _require_scales(table.source_name, headers)
+    return tuple(_drop_ambiguous_words(headers))
 
 
-def _without_doubtful_words(headers: list[Header]) -> list[Header]:
+def _drop_ambiguous_words(headers: list[Header]) -> list[Header]:
     """Read no word of an input or an output beside another column in the same kind of unit."""
     rivals = [
         header.unit.dimension
@@ -66,46 +69,46 @@ def _without_doubtful_words(headers: list[Header]) -> list[Header]:
     checked = list(headers)
     for index, header in enumerate(headers):
         is_rivalled = header.unit is not None and header.unit.dimension in rivals
-        if is_rivalled and header.quantity in _PAIRED:
-            checked[index] = without_word(header)
+        if is_rivalled and header.quantity in _INPUTS_AND_OUTPUTS:
+            checked[index] = ignore_quantity_word(header)
     return checked
 
 
-def without_word(header: Header) -> Header:
+def ignore_quantity_word(header: Header) -> Header:
     """Return a header whose name counts as it is, even if it is a word for a quantity."""
-    if not header.is_by_word or header.quantity is None:
+    if not header.is_from_words or header.quantity is None:
         return header
     name = split_header(header.text, header.unit.symbol if header.unit else None)[0]
     free = Quantity(name, name, header.quantity.unit)
-    return replace(header, name=name, quantity=free, is_by_word=False)
+    return replace(header, name=name, quantity=free, is_from_words=False)
 
 
-def _find(table: OpenTable, name: str, what: str) -> int:
+def _find_column(table: OpenTable, name: str, action: str) -> int:
     index = table.find(name)
     if index is None:
         have = ", ".join(table.header)
         raise InputError(
-            f"{table.source_name}: has no column '{name}' to {what} (columns: {have})",
+            f"{table.source_name}: has no column '{name}' to {action} (columns: {have})",
             code="no-such-column",
             key=name,
         )
     return index
 
 
-def _find_meant(
-    table: OpenTable, headers: list[Header], targets: Mapping[int, str], name: str, what: str
+def _find_by_any_name(
+    table: OpenTable, headers: list[Header], targets: Mapping[int, str], name: str, action: str
 ) -> int:
     """Return the index of a column by its name in the file, or by ours: ``F_N``, ``F``, ``force``."""
     if table.find(name) is None:
-        meant = parse_header(name).quantity
+        quantity = parse_header(name).quantity
         for index, header in enumerate(headers):
             ours = parse_header(targets[index]).quantity if index in targets else header.quantity
-            if ours is not None and name and (ours == meant or ours.name == name):
+            if ours is not None and name and (ours == quantity or ours.name == name):
                 return index
-    return _find(table, name, what)
+    return _find_column(table, name, action)
 
 
-def _number(name: str, value: float | str) -> float:
+def _parse_scale(name: str, value: float | str) -> float:
     try:
         number = float(value)
     except ValueError:
@@ -120,33 +123,38 @@ def _number(name: str, value: float | str) -> float:
     return number
 
 
-def _map_header(source: str, own: Header, target: str) -> Header:
+def _map_header(source: str, header: Header, target: str) -> Header:
     """Return a header as the user maps it; units that are stated are kept."""
     if not target:
-        return Header(own.text, "", Quantity("", "", "1"), None, target=target)
-    meant = parse_header(target)
-    has_own = own.unit is not None and (meant.problem or not split_header(target)[1])
-    if has_own and own.unit and (with_own := parse_header(target, own.unit.symbol)).is_known:
-        meant = with_own
-    where = f"{source}: column '{own.text}' mapped to '{target}'"
-    if meant.problem:
+        return Header(header.text, "", Quantity("", "", "1"), None, target=target)
+    mapped = parse_header(target)
+    has_own = header.unit is not None and (mapped.problem or not split_header(target)[1])
+    if has_own and header.unit and (with_own := parse_header(target, header.unit.symbol)).is_known:
+        mapped = with_own
+    where = f"{source}: column '{header.text}' mapped to '{target}'"
+    if mapped.problem:
         raise InputError(
-            f"{where}: {own.problem if own.unit is None and own.problem else meant.problem}",
+            f"{where}: {header.problem if header.unit is None and header.problem else mapped.problem}",
             code="bad-header",
         )
-    if own.scale is None and meant.unit and own.unit and meant.unit.dimension == own.unit.dimension:
-        same = (meant.unit.scale, meant.unit.offset) == (own.unit.scale, own.unit.offset)
+    if (
+        header.scale is None
+        and mapped.unit
+        and header.unit
+        and mapped.unit.dimension == header.unit.dimension
+    ):
+        same = (mapped.unit.scale, mapped.unit.offset) == (header.unit.scale, header.unit.offset)
         if not same:
             raise InputError(
-                f"{where}: the file says {own.unit.symbol}, the mapping {meant.unit.symbol}; "
-                f"map it to '{meant.name}' to convert it",
+                f"{where}: the file says {header.unit.symbol}, the mapping {mapped.unit.symbol}; "
+                f"map it to '{mapped.name}' to convert it",
                 code="units-differ",
             )
-    return replace(meant, text=own.text, stated=own.stated, is_by_word=False, target=target,
-                   scale=own.scale, is_flipped=own.is_flipped)  # fmt: skip
+    return replace(mapped, text=header.text, stated=header.stated, is_from_words=False, target=target,
+                   scale=header.scale, is_flipped=header.is_flipped)  # fmt: skip
 
 
-def _ask_for_scales(source: str, headers: list[Header]) -> None:
+def _require_scales(source: str, headers: list[Header]) -> None:
     """Refuse columns that are mapped to another quantity than their unit says, without a scale."""
     unknown: dict[str, str] = {}
     for header in headers:
@@ -154,7 +162,7 @@ def _ask_for_scales(source: str, headers: list[Header]) -> None:
             continue
         own = replace(header, unit=find_unit(header.stated))
         if needs_scale(own, header.unit.dimension):
-            unknown[header.text] = unknown_scale(own, header.unit.symbol)
+            unknown[header.text] = scale_placeholder(own, header.unit.symbol)
             stated = header.stated
     if unknown:
         texts = " and ".join(f"'{name}'" for name in unknown)

@@ -13,18 +13,18 @@ from operator import itemgetter
 
 import numpy as np
 
-from anhyst.data.loops import Loop, Loops, with_columns
+from anhyst.data.loops import Loop, Loops, replace_columns
 from anhyst.data.output_map import output_map
 from anhyst.data.path import History, is_bipolar
 from anhyst.support.numeric import FloatArray
 
 _MIN_CLOCK_SAMPLES = 20
-_USUAL_STEPS = 0.98
+_SHORT_STEPS_SHARE = 0.98
 """Share of the time steps that are short in a record with holes; a slow logger has many sizes."""
-_MAX_USUAL_STEP = 2.5
+_MAX_SHORT_STEP_RATIO = 2.5
 _MIN_HOLE_STEPS = 8.0
 """A time step is a hole if it is longer than this number of median steps."""
-_NEAR = 0.01
+_MAX_TIP_DISTANCE = 0.01
 """An input within this share of the range of an extreme one wipes out the history as well."""
 _MIN_LOOP_SAMPLES = 20
 
@@ -34,12 +34,12 @@ class Hole:
     """A missing stretch of a record."""
 
     row: int  # the last sample before it
-    at: float  # time of that sample, s
-    seconds: float  # time without samples
+    time_s: float  # time of that sample, s
+    duration_s: float  # time without samples
 
     def __str__(self) -> str:
         """Length and place."""
-        return f"{self.seconds:.3g} s are missing after sample {self.row + 1} (at {self.at:.6g} s)"
+        return f"{self.duration_s:.3g} s are missing after sample {self.row + 1} (at {self.time_s:.6g} s)"
 
 
 def find_holes(time: FloatArray | None) -> list[Hole]:
@@ -48,7 +48,7 @@ def find_holes(time: FloatArray | None) -> list[Hole]:
         return []
     steps = np.diff(time)
     step = float(np.median(steps))
-    if step <= 0.0 or float(np.quantile(steps, _USUAL_STEPS)) > _MAX_USUAL_STEP * step:
+    if step <= 0.0 or float(np.quantile(steps, _SHORT_STEPS_SHARE)) > _MAX_SHORT_STEP_RATIO * step:
         return []
     rows = np.flatnonzero(steps > _MIN_HOLE_STEPS * step).tolist()
     return [Hole(row, float(time[row]), float(steps[row]) - step) for row in rows]
@@ -59,13 +59,13 @@ def cut_holes(loopset: Loops) -> Loops:
 
     An output that creeps keeps its record: extreme inputs do not wipe out what still creeps.
     """
-    if output_map(loopset.output).creeps:
+    if output_map(loopset.output).has_creep:
         return loopset
     for loop in loopset.loops:
         found = find_holes(loop.time)
         # A drive that waits while the logger sleeps goes on where it was.
         found = [hole for hole in found if not _is_pause(loop, hole.row)]
-        pieces = _pieces(loop, found) if found else []
+        pieces = _cut_loop(loop, found) if found else []
         if not pieces:
             continue
         kept = sum(piece.n for piece in pieces)
@@ -92,28 +92,28 @@ def _is_pause(loop: Loop, row: int) -> bool:
     return rising[0] * rising[1] >= 0.0
 
 
-def _pieces(loop: Loop, found: list[Hole]) -> list[Loop]:
+def _cut_loop(loop: Loop, found: list[Hole]) -> list[Loop]:
     """Return the stretches of a record whose history is known."""
     edges = [0, *(hole.row + 1 for hole in found), loop.n]
-    names = [loop.label, *(f"{loop.label} after {hole.at:.4g} s" for hole in found)]
+    names = [loop.label, *(f"{loop.label} after {hole.time_s:.4g} s" for hole in found)]
     pieces = []
     for label, (start, stop) in zip(names, itertools.pairwise(edges), strict=True):
-        begin, past = start, loop.history
-        if start > 0 or past.kind == "settled":
-            known = _first_known(loop, start, stop)
-            if known is None:
+        begin, history = start, loop.history
+        if start > 0 or history.kind == "settled":
+            known_start = _find_known_history(loop, start, stop)
+            if known_start is None:
                 continue
-            begin, past = known
+            begin, history = known_start
         rows = slice(begin, stop)
         if stop - begin < _MIN_LOOP_SAMPLES or np.ptp(loop.input[rows]) == 0.0:
             continue
-        new = with_columns(loop, itemgetter(rows), label=label, history=past)
+        new = replace_columns(loop, itemgetter(rows), label=label, history=history)
         if new.reverses:
             pieces.append(new)
     return pieces
 
 
-def _first_known(loop: Loop, start: int, stop: int) -> tuple[int, History] | None:
+def _find_known_history(loop: Loop, start: int, stop: int) -> tuple[int, History] | None:
     """Return the first sample of a stretch whose history is known, and that history.
 
     At the largest input, the iron has forgotten all before it. At the smallest input, it has
@@ -121,23 +121,31 @@ def _first_known(loop: Loop, start: int, stop: int) -> tuple[int, History] | Non
     """
     low, high = float(loop.input.min()), float(loop.input.max())
     tips = (low, high) if abs(high) >= abs(low) else (high, low)
-    near = _NEAR * (high - low)
+    max_distance = _MAX_TIP_DISTANCE * (high - low)
     was_largest = loop.history.kind == "settled" or bool(
-        np.any(np.abs(loop.input[:start] - tips[1]) <= near)
+        np.any(np.abs(loop.input[:start] - tips[1]) <= max_distance)
     )
-    apart = np.abs(loop.input[start:stop] - tips[1])
-    is_near, past = apart <= near, (0.0, *tips)
+    distance = np.abs(loop.input[start:stop] - tips[1])
+    is_near, turning_points = distance <= max_distance, (0.0, *tips)
     if was_largest:
-        other = np.abs(loop.input[start:stop] - tips[0])
-        if np.any(other <= near) and (
-            not is_near.any() or np.argmax(other <= near) < np.argmax(is_near)
+        other_distance = np.abs(loop.input[start:stop] - tips[0])
+        if np.any(other_distance <= max_distance) and (
+            not is_near.any() or np.argmax(other_distance <= max_distance) < np.argmax(is_near)
         ):
-            apart, is_near, past = other, other <= near, (0.0, *tips[::-1])
+            distance, is_near, turning_points = (
+                other_distance,
+                other_distance <= max_distance,
+                (0.0, *tips[::-1]),
+            )
     if not is_near.any():
         return None
     first = int(np.argmax(is_near))
-    left = np.flatnonzero(~is_near[first:])
-    last = first + int(left[0]) if left.size else is_near.size
-    begin = start + first + int(np.argmin(apart[first:last]))
-    points = past if is_bipolar(loop.input) or past[-1] == tips[0] else (0.0, tips[1])
+    rows_away = np.flatnonzero(~is_near[first:])
+    last = first + int(rows_away[0]) if rows_away.size else is_near.size
+    begin = start + first + int(np.argmin(distance[first:last]))
+    points = (
+        turning_points
+        if is_bipolar(loop.input) or turning_points[-1] == tips[0]
+        else (0.0, tips[1])
+    )
     return begin, History("conditioned", (*points[:-1], float(loop.input[begin])))

@@ -8,21 +8,34 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.data import estimates
-from anhyst.data.delay import skew as estimate_skew
-from anhyst.data.estimates import noise as noise_of
+from anhyst.data.delay import estimate_delay as estimate_skew
+from anhyst.data.estimates import estimate_noise as noise_of
 from anhyst.data.holes import find_holes
+from anhyst.data.initial_history import HistoryProposal, correct_fast_histories, propose_histories
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import name_full_scale
-from anhyst.data.path import History, branches
+from anhyst.data.path import History, find_branches
 from anhyst.data.plausibility import check_plausible
-from anhyst.data.speeds import rate_line
-from anhyst.data.start import Proposal, carry_histories, propose_histories
-from anhyst.data.symmetry import bias_line, recentre
-from anhyst.data.verdict import Verdict, judge, largest_output, loop_width, single_valued
+from anhyst.data.speeds import describe_rate
+from anhyst.data.symmetry import describe_bias, recentre
+from anhyst.data.verdict import (
+    Verdict,
+    assess_loops,
+    largest_output,
+    loop_width_and_height,
+    single_valued_residuals,
+)
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, columns_of, dress, few, length_scale, shades
+from anhyst.support.result import (
+    Result,
+    length_scale,
+    rows_to_columns,
+    schedule_colours,
+    style_axes,
+    thinning_slice,
+)
 from anhyst.support.units import Quantity
-from anhyst.support.wording import worded
+from anhyst.support.wording import word_for_reader
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -102,8 +115,9 @@ class Inspection(Result):
             "schedule": self.schedule.column if self.schedule else None,
             "schedule_values": list(self.schedule_values),
             "samples": sum(loop.samples for loop in self.loops),
-            "loops": [_keyed(loop, units) for loop in self.loops],
-            "verdict": _keyed(self.verdict, units) | {"worthwhile": self.verdict.worthwhile},
+            "loops": [_as_json_figures(loop, units) for loop in self.loops],
+            "verdict": _as_json_figures(self.verdict, units)
+            | {"worthwhile": self.verdict.worthwhile},
             "rate": self.rate,
             "warnings": list(self.warnings),
             "repairs": list(self.repairs),
@@ -125,7 +139,7 @@ class Inspection(Result):
 
     def to_columns(self) -> dict[str, list[Any]]:
         """Return the figures of each loop, units in their names."""
-        return columns_of(self.as_dict()["loops"])
+        return rows_to_columns(self.as_dict()["loops"])
 
     def draw(self, ax: Axes) -> None:
         """Draw the error of the best single-valued curve on each loop, next to the noise."""
@@ -145,14 +159,14 @@ class Inspection(Result):
 
     def _units(self) -> dict[str, str]:
         """Return the unit suffix of each figure that has one."""
-        drive, answer = _suffix(self.input), _suffix(self.output)
+        drive, answer = _unit_suffix(self.input), _unit_suffix(self.output)
         units = dict.fromkeys(("input_low", "input_high", "input_offset", "width"), drive)
         names = ("output_low", "output_high", "output_offset", "drift", "closure", "noise",
                  "height", "single_mean", "single_worst", "noise_mean")  # fmt: skip
         units |= dict.fromkeys(names, answer)
         units |= {"step": "s", "skew": "samples"}
         if self.schedule is not None:
-            units["schedule"] = _suffix(self.schedule)
+            units["schedule"] = _unit_suffix(self.schedule)
         return units
 
 
@@ -162,15 +176,15 @@ def inspect(loops: Loops) -> Inspection:
     Noise and delay are those of the record before it is thinned.
     """
     warnings = list(check_plausible(loops))
-    residuals = {id(loop): residual for loop, residual in single_valued(loops)}
+    residuals = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
     centred, even = recentre(loops)
-    proposals = carry_histories(loops.loops, propose_histories(centred.loops, even=even))
-    widths = [loop_width(loop, even=even) for loop in centred.loops]
+    proposals = correct_fast_histories(loops.loops, propose_histories(centred.loops, even=even))
+    widths = [loop_width_and_height(loop, even=even) for loop in centred.loops]
     figures = tuple(
-        _figures(loop, np.abs(residuals[id(loop)]), proposal, width, even=even)
+        _loop_figures(loop, np.abs(residuals[id(loop)]), proposal, width, even=even)
         for loop, proposal, width in zip(loops.loops, proposals, widths, strict=True)
     )
-    bias = bias_line(loops)
+    bias_text = describe_bias(loops)
     warnings += _warnings(loops, figures)
     return Inspection(
         loops.input,
@@ -178,25 +192,30 @@ def inspect(loops: Loops) -> Inspection:
         loops.schedule,
         loops.schedule_values,
         figures,
-        (*loops.notes, bias) if bias else loops.notes,
+        (*loops.notes, bias_text) if bias_text else loops.notes,
         loops.repairs,
-        tuple(map(worded, warnings)),
-        judge(loops),
-        rate_line(loops),
+        tuple(map(word_for_reader, warnings)),
+        assess_loops(loops),
+        describe_rate(loops),
     )
 
 
-def _figures(
-    loop: Loop, deviation: FloatArray, proposal: Proposal, size: tuple[float, float], *, even: bool
+def _loop_figures(
+    loop: Loop,
+    deviation: FloatArray,
+    proposal: HistoryProposal,
+    width_and_height: tuple[float, float],
+    *,
+    even: bool,
 ) -> LoopFigures:
     proposed, reason = proposal
-    centre = None if even else estimates.offsets(loop)
-    (step, uneven), delay = estimates.sampling(loop), estimate_skew(loop)
+    centre = None if even else estimates.estimate_offsets(loop)
+    (step, uneven), delay = estimates.measure_sampling(loop), estimate_skew(loop)
     return LoopFigures(
         label=loop.label,
         schedule=loop.schedule_value,
         samples=loop.n,
-        cycles=len(branches(loop.input)) / 2.0,
+        cycles=len(find_branches(loop.input)) / 2.0,
         input_low=float(loop.input.min()),
         input_high=float(loop.input.max()),
         output_low=float(loop.output.min()),
@@ -205,14 +224,14 @@ def _figures(
         uneven=uneven,
         input_offset=centre[0] if centre else None,
         output_offset=centre[1] if centre else None,
-        drift=estimates.drift(loop),
-        closure=estimates.closure(loop),
+        drift=estimates.estimate_drift(loop),
+        closure=estimates.closure_error(loop),
         noise=noise_of(loop.output),
         skew=delay,
         skew_s=delay * step if delay is not None and step else None,
-        saturation=estimates.saturation(loop),
-        width=size[0],
-        height=size[1],
+        saturation=estimates.slope_ratio_at_tip(loop),
+        width=width_and_height[0],
+        height=width_and_height[1],
         single_mean=float(deviation.mean()),
         single_worst=float(deviation.max()),
         history=loop.history,
@@ -249,11 +268,11 @@ def _warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
     return warnings
 
 
-def _suffix(quantity: Quantity) -> str:
+def _unit_suffix(quantity: Quantity) -> str:
     return quantity.column.removeprefix(quantity.symbol).lstrip("_")
 
 
-def _keyed(figures: LoopFigures | Verdict, units: dict[str, str]) -> dict[str, Any]:
+def _as_json_figures(figures: LoopFigures | Verdict, units: dict[str, str]) -> dict[str, Any]:
     """Return figures for JSON, with their units in the keys."""
     values: dict[str, Any] = {}
     for field in fields(figures):
@@ -271,24 +290,24 @@ def plot_inspection(inspection: Inspection, loopset: Loops) -> Figure:
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
     grid = figure.add_gridspec(2, 2, height_ratios=(1.0, 0.24))
     left, right = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
-    words = figure.add_subplot(grid[1, :])
+    text_axes = figure.add_subplot(grid[1, :])
     loopset.plot(left)
     left.set_title("measured", loc="left", fontsize="medium")
-    moving = any(loop.schedule_value is None for loop in loopset.loops)
-    colours = shades(loopset.schedule_values, moving=moving)
+    has_moving_schedule = any(loop.schedule_value is None for loop in loopset.loops)
+    colours = schedule_colours(loopset.schedule_values, has_moving=has_moving_schedule)
     size = largest_output(loopset)
-    for loop, residual in single_valued(loopset):
-        every = few(loop.n)
-        share = 100.0 * residual[every] / size
-        right.plot(loop.input[every], share, color=colours[loop.schedule_value], lw=0.9)
+    for loop, residual in single_valued_residuals(loopset):
+        shown_rows = thinning_slice(loop.n)
+        share = 100.0 * residual[shown_rows] / size
+        right.plot(loop.input[shown_rows], share, color=colours[loop.schedule_value], lw=0.9)
     noise = 100.0 * inspection.verdict.noise_relative
     right.axhspan(-noise, noise, color="0.6", alpha=0.5, lw=0, label="noise (mean)")
     right.set_xlabel(loopset.input.label)
     right.set_ylabel(f"% of {name_full_scale(loopset.output)}")
     right.set_title("residuals of the best single-valued curve", loc="left", fontsize="medium")
     right.legend(frameon=False, fontsize="small")
-    dress(right)
-    words.set_axis_off()
+    style_axes(right)
+    text_axes.set_axis_off()
     text = "\n".join(inspection.verdict.sentences)
-    words.text(0.0, 1.0, text, va="top", fontsize="medium", linespacing=1.5)
+    text_axes.text(0.0, 1.0, text, va="top", fontsize="medium", linespacing=1.5)
     return figure

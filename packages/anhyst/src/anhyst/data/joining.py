@@ -16,16 +16,16 @@ from pathlib import PurePath
 
 import numpy as np
 
-from anhyst.data.estimates import noise
+from anhyst.data.estimates import estimate_noise
 from anhyst.data.loops import Loop, Loops, Source
-from anhyst.data.path import SETTLED, History, branches, turning_points
+from anhyst.data.path import SETTLED, History, find_branches, find_turning_points
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
 
 
 @dataclass(frozen=True, slots=True)
-class LoopPart:
+class SourceLoops:
     """The loops of one source; those whose history nobody stated are ``open``, by their place.
 
     ``labelled`` says whether the source itself distinguishes them.
@@ -38,13 +38,13 @@ class LoopPart:
     schedule: Quantity | None
     source: Source | None
     notes: tuple[str, ...]
-    open: frozenset[int] = frozenset()
-    labelled: bool = True
+    without_history: frozenset[int] = frozenset()
+    is_labelled: bool = True
     has_blocks: bool = False  # whether blank lines or the like distinguish the loops
     stated_gap: tuple[float | None, str] | None = None  # m, and the remark in the head of the file
 
 
-def join(parts: Sequence[LoopPart]) -> Loops:
+def join_loops(parts: Sequence[SourceLoops]) -> Loops:
     """Join the loops of several sources into one set.
 
     A loop that comes twice with the same data is taken once. Loops of several files that are called
@@ -63,21 +63,30 @@ def join(parts: Sequence[LoopPart]) -> Loops:
     notes = [note for part in parts for note in part.notes]
     entries: list[_Entry] = []
     values: list[float] = []
-    by_glance: defaultdict[tuple[float, ...], list[_Entry]] = defaultdict(list)
+    by_fingerprint: defaultdict[tuple[float, ...], list[_Entry]] = defaultdict(list)
     for part in parts:
         for loop in part.loops:
-            snapped = _snapped(loop, values)
+            snapped = _snap_schedule(loop, values)
             entry = _Entry(snapped, snapped.schedule_value, part)
-            alike = by_glance[_glance(snapped)] if entry.known else []
-            twin = next(filter(None, (_find_twin(entry, other) for other in alike)), None)
-            if twin is None:
-                alike.append(entry)
+            candidates = by_fingerprint[_fingerprint(snapped)] if entry.is_identifiable else []
+            twin_source = next(
+                filter(None, (_find_twin(entry, other) for other in candidates)), None
+            )
+            if twin_source is None:
+                candidates.append(entry)
                 entries.append(entry)
             else:
                 name = part.source_name
-                notes.append(f"{name}: loop '{loop.label}' is the one in {twin}: left out")
+                notes.append(f"{name}: loop '{loop.label}' is the one in {twin_source}: left out")
     sources = tuple(part.source for part in parts if part.source is not None)
-    return Loops(_named(entries), first.input, first.output, first.schedule, sources, tuple(notes))
+    return Loops(
+        _make_labels_unique(entries),
+        first.input,
+        first.output,
+        first.schedule,
+        sources,
+        tuple(notes),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,21 +94,21 @@ class _Entry:
     """A loop that was kept, its scheduling value, and the source it is in."""
 
     loop: Loop
-    value: float | None
-    part: LoopPart
+    schedule_value: float | None
+    part: SourceLoops
 
     @property
-    def known(self) -> bool:
+    def is_identifiable(self) -> bool:
         """Whether label and data say which loop it is: not where the scheduling variable moves."""
-        return self.loop.schedule is None or self.value is not None
+        return self.loop.schedule is None or self.schedule_value is not None
 
 
-def _named(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
+def _make_labels_unique(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
     """Return the loops, each with a name of its own among those at its scheduling value."""
     alike: defaultdict[tuple[str, float | None], list[_Entry]] = defaultdict(list)
     for entry in entries:
-        if entry.known:
-            alike[entry.loop.label, entry.value].append(entry)
+        if entry.is_identifiable:
+            alike[entry.loop.label, entry.schedule_value].append(entry)
     paths = {entry.part.source_name: PurePath(entry.part.source_name) for entry in entries}
     stems = Counter(path.stem for path in paths.values())
     names = {
@@ -107,7 +116,7 @@ def _named(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
         for name, path in paths.items()
     }
     labels = {
-        id(entry): _own_label(entry, group[0], names[entry.part.source_name])
+        id(entry): _unique_label(entry, group[0], names[entry.part.source_name])
         for group in alike.values()
         if len(group) > 1
         for entry in group
@@ -117,7 +126,7 @@ def _named(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
     )
 
 
-def _snapped(loop: Loop, values: list[float]) -> Loop:
+def _snap_schedule(loop: Loop, values: list[float]) -> Loop:
     """Replace a scheduling value by an earlier one that differs only by rounding."""
     value = loop.schedule_value
     if value is None or value in values:
@@ -129,11 +138,11 @@ def _snapped(loop: Loop, values: list[float]) -> Loop:
     return loop
 
 
-def _own_label(entry: _Entry, first: _Entry, name: str) -> str:
+def _unique_label(entry: _Entry, first: _Entry, name: str) -> str:
     """Name a loop after its file; two that a column calls the same, at no gap, contradict each other."""
-    if not entry.part.labelled:
+    if not entry.part.is_labelled:
         return name
-    if entry.value is None and entry is not first:
+    if entry.schedule_value is None and entry is not first:
         raise InputError(
             f"{entry.part.source_name}: loop '{entry.loop.label}' is also in "
             f"{first.part.source_name}, with other data; leave one out, give each its label, or "
@@ -151,38 +160,38 @@ def _find_twin(entry: _Entry, other: _Entry) -> str | None:
         np.array_equal(ours.input, theirs.input) and np.array_equal(ours.output, theirs.output)
     ):
         return None
-    if entry.value != other.value:
+    if entry.schedule_value != other.schedule_value:
         raise InputError(
-            f"{entry.part.source_name}: holds the same data at {entry.value:g} as "
-            f"{other.part.source_name} at {other.value:g}; one of the two is mislabelled",
+            f"{entry.part.source_name}: holds the same data at {entry.schedule_value:g} as "
+            f"{other.part.source_name} at {other.schedule_value:g}; one of the two is mislabelled",
             code="same-data-twice",
         )
     return other.part.source_name if entry.part is not other.part else None
 
 
-def _glance(loop: Loop) -> tuple[float, ...]:
+def _fingerprint(loop: Loop) -> tuple[float, ...]:
     ends = [0, loop.n // 3, loop.n // 2, loop.n - 1]
     return (float(loop.n), *loop.input[ends].tolist(), *loop.output[ends].tolist())
 
 
-IN_ONE_RUN = (
+NESTED_LOOPS_NOTE = (
     "settled loops lie within larger ones that were run before them: each goes on from what the iron "
     "keeps of those"
 )
 """What a reader is told where that is so."""
-_NEAR = 0.02
+_MAX_END_DISTANCE = 0.02
 """Ends within this share of the range are the same."""
-_FEWEST = 8
+_MIN_BRANCH_SAMPLES = 8
 """Samples of a branch from which two are compared."""
-_SURE = 4.5
+_MIN_DIFFERENCE_SIGMAS = 4.5
 """Standard errors from which a difference is not noise."""
-_ALIKE = 0.05
+_MAX_DISTANCE_SHARE = 0.05
 """Branches nearer to each other than this share of the loop's height are one and the same."""
 
 _Curve = tuple[FloatArray, FloatArray]
 
 
-def one_after_another(loops: Sequence[Loop], *, over_gaps: bool = False) -> list[Loop]:
+def add_earlier_loops(loops: Sequence[Loop], *, across_gaps: bool = False) -> list[Loop]:
     """Complete the history of settled loops of one record with the loops run before them.
 
     Where a loop shares an end with a larger one before it at the same scheduling value, the branch
@@ -190,28 +199,28 @@ def one_after_another(loops: Sequence[Loop], *, over_gaps: bool = False) -> list
     Without such an end, or where branches lie apart, nothing is taken to have been before, as if the
     iron had been demagnetised.
     """
-    order = _order(loops)
-    before = {
+    order = _run_order(loops)
+    earlier = {
         index: tuple(
             loops[other]
             for other in order[:later]
-            if over_gaps or loops[other].schedule_value == loops[index].schedule_value
+            if across_gaps or loops[other].schedule_value == loops[index].schedule_value
         )
         for later, index in enumerate(order)
     }
-    verdicts = [_is_inside(loop, other) for index, loop in enumerate(loops)
-                for other in before.get(index, ())
+    verdicts = [_is_on_larger_loop(loop, other) for index, loop in enumerate(loops)
+                for other in earlier.get(index, ())
                 if other.schedule_value == loop.schedule_value]  # fmt: skip
-    seen = [verdict for verdict in verdicts if verdict is not None]
-    if not seen or not all(seen):
+    known_verdicts = [verdict for verdict in verdicts if verdict is not None]
+    if not known_verdicts or not all(known_verdicts):
         return list(loops)
     return [
-        replace(loop, history=_after(before[index], loop)) if before[index] else loop
+        replace(loop, history=_history_after(earlier[index], loop)) if earlier[index] else loop
         for index, loop in enumerate(loops)
     ]
 
 
-def _order(loops: Sequence[Loop]) -> list[int]:
+def _run_order(loops: Sequence[Loop]) -> list[int]:
     """Return the indices of the loops by time; none where the order of the runs is not known."""
     if any(
         loop.history != SETTLED
@@ -222,51 +231,53 @@ def _order(loops: Sequence[Loop]) -> list[int]:
         return []
     clocks = [loop.time for loop in loops if loop.time is not None]
     order = sorted(range(len(loops)), key=lambda index: float(clocks[index][0]))
-    known = all(clocks[first][-1] <= clocks[second][0] for first, second in pairwise(order))
-    return order if known else []
+    is_sequential = all(clocks[first][-1] <= clocks[second][0] for first, second in pairwise(order))
+    return order if is_sequential else []
 
 
-def _after(earlier: Sequence[Loop], loop: Loop) -> History:
+def _history_after(earlier: Sequence[Loop], loop: Loop) -> History:
     points: list[float] = []
     schedule: list[float | None] = []
     for other in earlier:
-        turns = turning_points(other.input)
+        turns = find_turning_points(other.input)
         points += other.input[turns].tolist()
         same_gap = other.schedule_value == loop.schedule_value
         schedule += [None if same_gap else other.schedule_value] * turns.size
     return History("settled", tuple(points), tuple(schedule))
 
 
-def _is_inside(loop: Loop, larger: Loop) -> bool | None:
+def _is_on_larger_loop(loop: Loop, larger: Loop) -> bool | None:
     """Whether a branch runs along that of a larger loop; None where none begins at the same end."""
     span = float(np.ptp(larger.input))
-    if float(np.ptp(loop.input)) > (1.0 - _NEAR) * span:
+    if float(np.ptp(loop.input)) > (1.0 - _MAX_END_DISTANCE) * span:
         return None
     verdicts = []
     for rising in (True, False):
-        inner, outer = _curve(loop, rising), _curve(larger, rising)
-        back = _curve(larger, not rising)
-        if inner is None or outer is None or back is None:
+        inner, outer = _longest_branch(loop, rising), _longest_branch(larger, rising)
+        opposite = _longest_branch(larger, not rising)
+        if inner is None or outer is None or opposite is None:
             continue
-        end = 0 if rising else -1
-        if abs(inner[0][end] - outer[0][end]) > _NEAR * span:
+        end_index = 0 if rising else -1
+        if abs(inner[0][end_index] - outer[0][end_index]) > _MAX_END_DISTANCE * span:
             continue
-        inside = (inner[0] >= outer[0][0]) & (inner[0] <= outer[0][-1])
-        if np.count_nonzero(inside) < _FEWEST:
+        is_in_range = (inner[0] >= outer[0][0]) & (inner[0] <= outer[0][-1])
+        if np.count_nonzero(is_in_range) < _MIN_BRANCH_SAMPLES:
             continue
-        size, answer = inner[0][inside], inner[1][inside]
-        apart = float(np.mean(answer - np.interp(size, *outer)))
-        height = abs(float(np.mean(np.interp(size, *back) - np.interp(size, *outer))))
-        steep = float(np.ptp(answer) / np.ptp(size))
-        scatter = np.hypot(noise(loop.output), steep * noise(loop.input))
-        error = float(scatter) * (2.0 / size.size) ** 0.5
-        verdicts.append(abs(apart) <= max(_SURE * error, _ALIKE * height))
+        inputs, outputs = inner[0][is_in_range], inner[1][is_in_range]
+        distance = float(np.mean(outputs - np.interp(inputs, *outer)))
+        height = abs(float(np.mean(np.interp(inputs, *opposite) - np.interp(inputs, *outer))))
+        slope = float(np.ptp(outputs) / np.ptp(inputs))
+        scatter = np.hypot(estimate_noise(loop.output), slope * estimate_noise(loop.input))
+        error = float(scatter) * (2.0 / inputs.size) ** 0.5
+        verdicts.append(
+            abs(distance) <= max(_MIN_DIFFERENCE_SIGMAS * error, _MAX_DISTANCE_SHARE * height)
+        )
     return all(verdicts) if verdicts else None
 
 
-def _curve(loop: Loop, rising: bool) -> _Curve | None:
+def _longest_branch(loop: Loop, rising: bool) -> _Curve | None:
     """Return input, ascending, and output of the longest rising or falling branch."""
-    parts = [part for part in branches(loop.input) if part.rising == rising]
+    parts = [part for part in find_branches(loop.input) if part.is_rising == rising]
     if not parts:
         return None
     longest = max(parts, key=lambda part: float(np.ptp(loop.input[part.rows])))

@@ -18,10 +18,10 @@ from anhyst.data.path import (
     HistoryLike,
     are_measured,
     correlation,
+    find_time_reversal,
     is_bipolar,
     is_negative,
     reversal_count,
-    time_fault,
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -29,15 +29,15 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.result import (
     MAX_ROWS,
     Result,
-    few,
     group_label,
     html_table,
     length_scale,
     range_text,
-    shades,
+    schedule_colours,
+    thinning_slice,
 )
 from anhyst.support.units import GAP_ADVICE, QUANTITIES, Quantity
-from anhyst.support.wording import count_of
+from anhyst.support.wording import count_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,7 +81,7 @@ class Loop:
         for name in ("input", "output", "schedule", "time"):
             values = getattr(self, name)
             if values is not None:
-                object.__setattr__(self, name, self._checked(name, values))
+                object.__setattr__(self, name, self._check_column(name, values))
         if np.ptp(self.input) == 0.0:
             raise InputError(
                 f"loop '{self.label}': the input is constant ({self.input[0]:g}); a loop needs an "
@@ -89,9 +89,9 @@ class Loop:
                 code="input-constant",
                 key=self.label,
             )
-        if self.time is not None and (back := time_fault(self.time)) is not None:
+        if self.time is not None and (fault_row := find_time_reversal(self.time)) is not None:
             raise InputError(
-                f"loop '{self.label}': time goes backwards at sample {back + 1}; sort the samples "
+                f"loop '{self.label}': time goes backwards at sample {fault_row + 1}; sort the samples "
                 "or tell loops apart by a column 'loop'",
                 code="time-backwards",
                 key=self.label,
@@ -104,7 +104,7 @@ class Loop:
                 key=self.label,
             )
 
-    def _checked(self, name: str, values: FloatArray) -> FloatArray:
+    def _check_column(self, name: str, values: FloatArray) -> FloatArray:
         array = np.asarray(values, dtype=np.float64)
         if array.ndim != 1 or array.size != np.size(self.input):
             raise InputError(
@@ -114,15 +114,15 @@ class Loop:
             )
         if array.size < 3:
             raise InputError(
-                f"loop '{self.label}': has {count_of(array.size, 'sample')}; a loop needs at least 3",
+                f"loop '{self.label}': has {count_text(array.size, 'sample')}; a loop needs at least 3",
                 code="too-few-samples",
                 key=self.label,
             )
         is_measured = are_measured(array)
         if not is_measured.all():
-            odd = int(np.argmin(is_measured))
+            bad_row = int(np.argmin(is_measured))
             raise InputError(
-                f"loop '{self.label}': {name} holds {array[odd]:g} at sample {odd + 1}: no "
+                f"loop '{self.label}': {name} holds {array[bad_row]:g} at sample {bad_row + 1}: no "
                 "measured value; remove the sample",
                 code="not-finite",
                 key=name,
@@ -199,9 +199,9 @@ class Loops(Result):
                     key=loop.label,
                 )
             is_gap = loop.schedule is not None and self.schedule == QUANTITIES["gap"]
-            if is_gap and (least := float(np.min(loop.schedule))) < 0.0:  # type: ignore[arg-type]
+            if is_gap and (min_gap := float(np.min(loop.schedule))) < 0.0:  # type: ignore[arg-type]
                 raise InputError(
-                    f"loop '{loop.label}': negative gap {least:g} m; {GAP_ADVICE}",
+                    f"loop '{loop.label}': negative gap {min_gap:g} m; {GAP_ADVICE}",
                     code="negative-gap",
                     key=loop.label,
                 )
@@ -224,14 +224,14 @@ class Loops(Result):
         """Return a loop by its position or its label."""
         if not isinstance(index, str):
             return self.loops[index]
-        found = [loop for loop in self.loops if loop.label == index]
-        if len(found) == 1:
-            return found[0]
+        matches = [loop for loop in self.loops if loop.label == index]
+        if len(matches) == 1:
+            return matches[0]
         known = ", ".join(repr(label) for label in dict.fromkeys(self.labels))
         text = f"no loop '{index}'; there are: {known}"
-        if found:
+        if matches:
             what = self.schedule.name if self.schedule else "scheduling value"
-            text = f"{len(found)} loops are called '{index}'; select one {what} first: at(value)"
+            text = f"{len(matches)} loops are called '{index}'; select one {what} first: at(value)"
         raise InputError(text, code="no-such-loop", key=index)
 
     @property
@@ -276,16 +276,16 @@ class Loops(Result):
         InputError
             If a value has no loop.
         """
-        wanted = [values] if isinstance(values, int | float) else list(values)
+        requested = [values] if isinstance(values, int | float) else list(values)
         scale = max((abs(value) for value in self.schedule_values), default=0.0)
-        kept: set[float] = set()
-        for value in wanted:
+        selected: set[float] = set()
+        for value in requested:
             near = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
             if not near:
                 have = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"
                 raise InputError(f"no loop at {value:g}; there are: {have}", code="no-such-loop")
-            kept |= near
-        loops = tuple(loop for loop in self.loops if loop.schedule_value in kept)
+            selected |= near
+        loops = tuple(loop for loop in self.loops if loop.schedule_value in selected)
         return replace(self, loops=loops)
 
     def without(self, value: float) -> Loops:
@@ -296,8 +296,10 @@ class Loops(Result):
         InputError
             If there is no loop at that value, or nothing is left.
         """
-        out = {id(loop) for loop in self.at(value).loops}
-        return replace(self, loops=tuple(loop for loop in self.loops if id(loop) not in out))
+        removed_ids = {id(loop) for loop in self.at(value).loops}
+        return replace(
+            self, loops=tuple(loop for loop in self.loops if id(loop) not in removed_ids)
+        )
 
     def with_loops(self, loops: Iterable[Loop], repair: str | None = None) -> Loops:
         """Return the same set with other loops, and the repair that made them so."""
@@ -368,27 +370,29 @@ class Loops(Result):
         head += [self.input.label, self.output.label, "history"]
         rows = []
         for loop in self.loops[:MAX_ROWS]:
-            at = loop.schedule_value
-            shown = [] if self.schedule is None else ["moves" if at is None else f"{at:g}"]
+            value = loop.schedule_value
+            shown = [] if self.schedule is None else ["moves" if value is None else f"{value:g}"]
             ends = (
                 f"{np.min(side):.4g} to {np.max(side):.4g}" for side in (loop.input, loop.output)
             )
             rows.append([loop.label, *shown, str(loop.n), *ends, loop.history.kind])
         rest = len(self) - len(rows)
-        rows += [[f"and {count_of(rest, 'more loop')}"]] if rest else []
+        rows += [[f"and {count_text(rest, 'more loop')}"]] if rest else []
         return super()._repr_html_() + html_table(head, rows)
 
     def draw(self, ax: Axes) -> None:
         """Draw all loops, output over input, one colour a scheduling value."""
         scale, label = length_scale(self.output)
-        moving = any(loop.schedule_value is None for loop in self.loops)
-        for group, shade in shades(self.schedule_values, moving=moving).items():
+        has_moving_schedule = any(loop.schedule_value is None for loop in self.loops)
+        for group, shade in schedule_colours(
+            self.schedule_values, has_moving=has_moving_schedule
+        ).items():
             name = group_label(self.schedule, group)
             for loop in self.loops:
                 if loop.schedule_value == group:
-                    every = few(loop.n)
-                    output = loop.output[every] * scale
-                    ax.plot(loop.input[every], output, color=shade, lw=1.1, label=name)
+                    shown_rows = thinning_slice(loop.n)
+                    output = loop.output[shown_rows] * scale
+                    ax.plot(loop.input[shown_rows], output, color=shade, lw=1.1, label=name)
                     name = None  # one entry a group
         ax.set_xlabel(self.input.label)
         ax.set_ylabel(label)
@@ -407,7 +411,7 @@ class Loops(Result):
         return Path(path)
 
 
-def with_columns(loop: Loop, change: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
+def replace_columns(loop: Loop, change: Callable[[FloatArray], FloatArray], **others: Any) -> Loop:
     """Return a loop whose columns are all changed alike, except those that are given."""
     columns = {name: getattr(loop, name) for name in ("input", "output", "schedule", "time")}
     changed = {
@@ -428,13 +432,13 @@ def is_even(loopset: Loops) -> bool:
 
 def are_even(loops: Sequence[Loop], output: Quantity) -> bool:
     """Whether an output does not depend on the sign of the input, as `is_even`."""
-    if not output_map(output).even:
+    if not output_map(output).is_even:
         return False
     bipolar = [loop for loop in loops if is_bipolar(loop.input)]
     return all(abs(correlation(loop.input, loop.output)) < 0.5 for loop in bipolar)
 
 
-def folded(loop: Loop, *, even: bool) -> tuple[FloatArray, FloatArray]:
+def fold_input(loop: Loop, *, even: bool) -> tuple[FloatArray, FloatArray]:
     """Input and output of a loop; an even output over the size of its input."""
     if even and is_bipolar(loop.input):
         return np.abs(loop.input), loop.output

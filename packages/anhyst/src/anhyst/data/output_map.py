@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import QUANTITIES, Quantity, in_small_unit
+from anhyst.support.units import QUANTITIES, Quantity, choose_display_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,17 +20,17 @@ class OutputMap:
     # power of the flux density; an even one does not depend on the sign of the input
     power: int = 1
     # whether the output grows with the flux of the iron, and encloses energy with the input
-    of_flux: bool = False
-    absolute: bool = False  # whether the output is the flux density itself, ``c_out = 1``
+    is_flux_based: bool = False
+    is_flux_density: bool = False  # whether the output is the flux density itself, ``c_out = 1``
     # whether the output has a natural zero; else deviations refer to its range
-    from_zero: bool = True
+    has_natural_zero: bool = True
     # whether a body that deforms by itself gives it, with lag and creep and no iron in it
-    creeps: bool = False
+    has_creep: bool = False
     # name of the quantity that it is where a current or a field drives, if that is another one
-    magnetised: str = ""
+    magnetised_name: str = ""
 
     @property
-    def even(self) -> bool:
+    def is_even(self) -> bool:
         """Whether the output is the same for a flux density and its negative."""
         return self.power % 2 == 0
 
@@ -42,12 +42,14 @@ class OutputMap:
 OUTPUT_MAPS = {
     each.quantity: each
     for each in (
-        OutputMap("force", power=2, of_flux=True),
-        OutputMap("thrust", of_flux=True),
-        OutputMap("flux_density", of_flux=True, absolute=True),
-        OutputMap("flux_linkage", of_flux=True),
-        OutputMap("displacement", from_zero=False, creeps=True),
-        OutputMap("strain", from_zero=False, creeps=True, magnetised="magnetostriction"),
+        OutputMap("force", power=2, is_flux_based=True),
+        OutputMap("thrust", is_flux_based=True),
+        OutputMap("flux_density", is_flux_based=True, is_flux_density=True),
+        OutputMap("flux_linkage", is_flux_based=True),
+        OutputMap("displacement", has_natural_zero=False, has_creep=True),
+        OutputMap(
+            "strain", has_natural_zero=False, has_creep=True, magnetised_name="magnetostriction"
+        ),
         OutputMap("magnetostriction", power=2),
     )
 }
@@ -65,24 +67,26 @@ def full_scale(output: Quantity, records: Iterable[FloatArray]) -> float:
     It is the largest size in all records. A displacement or a strain has no natural zero: its full
     scale is the largest range of a record.
     """
-    from_zero = output_map(output).from_zero
-    sizes = (float(np.max(np.abs(each)) if from_zero else np.ptp(each)) for each in records)
+    has_zero = output_map(output).has_natural_zero
+    sizes = (float(np.max(np.abs(each)) if has_zero else np.ptp(each)) for each in records)
     return max(sizes, default=0.0)
 
 
 def name_full_scale(output: Quantity, size: float | None = None) -> str:
     """Return the words for a full scale, with its size if given: ``the largest force (24 N)``."""
     name = output.name.replace("_", " ")
-    words = f"the largest {name}" if output_map(output).from_zero else f"the range of the {name}"
+    words = (
+        f"the largest {name}" if output_map(output).has_natural_zero else f"the range of the {name}"
+    )
     if size is None:
         return words
-    unit, scale = in_small_unit(output, size)
+    unit, scale = choose_display_unit(output, size)
     return f"{words} ({scale * size:.5g} {unit})"
 
 
-def answer_of(drive: Quantity, answer: Quantity) -> Quantity:
+def measured_quantity(drive: Quantity, answer: Quantity) -> Quantity:
     """Return what a column measures under a drive: strain of what is magnetised is even."""
-    name = output_map(answer).magnetised
+    name = output_map(answer).magnetised_name
     return QUANTITIES[name] if name and drive.name in {"current", "field"} else answer
 
 
@@ -105,4 +109,4 @@ def is_actuator(device: Device) -> bool:
 
 def is_electromagnet(device: Device) -> bool:
     """Whether a current pulls: what a bearing and a force controller are made of."""
-    return device.input.name == "current" and output_map(device.output).even
+    return device.input.name == "current" and output_map(device.output).is_even

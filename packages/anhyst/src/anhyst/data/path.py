@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-REVERSAL = 0.02
+MIN_REVERSAL_SHARE = 0.02
 """A reversal counts once the input has come back by this share of its range."""
-LARGEST = 1e50
+MAX_MEASURED_VALUE = 1e50
 """Nothing measured is larger in any unit; squares and sums of such numbers stay finite."""
 
 
-def runs_of(mask: NDArray[np.bool_]) -> list[slice]:
+def find_runs(mask: NDArray[np.bool_]) -> list[slice]:
     """Return the stretches of rows at which a mask is true."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -42,7 +42,7 @@ def move_plays(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> 
     return states
 
 
-def turning_points(values: FloatArray, threshold: float | None = None) -> NDArray[np.intp]:
+def find_turning_points(values: FloatArray, threshold: float | None = None) -> NDArray[np.intp]:
     """Find the first sample, every reversal larger than the threshold, and the last sample.
 
     The threshold is `REVERSAL` of the range unless it is given.
@@ -50,10 +50,10 @@ def turning_points(values: FloatArray, threshold: float | None = None) -> NDArra
     >>> turning_points(np.array([0.0, 1.0, 0.99, 2.0, 1.0, 0.0]), 0.1).tolist()
     [0, 3, 5]
     """
-    threshold = REVERSAL * float(np.ptp(values)) if threshold is None else threshold
-    extremes = _local_extremes(values)
+    threshold = MIN_REVERSAL_SHARE * float(np.ptp(values)) if threshold is None else threshold
+    extremes = _find_local_extremes(values)
     heights = values[extremes].tolist()
-    kept = [0]
+    reversals = [0]
     low = high = direction = 0
     for index, height in enumerate(heights):
         if direction <= 0 and height < heights[low]:
@@ -61,21 +61,23 @@ def turning_points(values: FloatArray, threshold: float | None = None) -> NDArra
         if direction >= 0 and height > heights[high]:
             high = index
         if direction <= 0 and height - heights[low] > threshold:
-            kept.append(low)
+            reversals.append(low)
             direction, high = 1, index
         elif direction >= 0 and heights[high] - height > threshold:
-            kept.append(high)
+            reversals.append(high)
             direction, low = -1, index
-    selected = np.unique(np.array([*kept, len(heights) - 1], dtype=np.intp))
+    selected = np.unique(np.array([*reversals, len(heights) - 1], dtype=np.intp))
     return extremes[selected]
 
 
 def reversal_count(values: FloatArray, threshold: float | None = None) -> int:
     """Count the reversals larger than a threshold, as `turning_points`."""
-    return max(0, turning_points(values, threshold).size - 2)
+    return max(0, find_turning_points(values, threshold).size - 2)
 
 
-def crossings(values: FloatArray, other: FloatArray, level: float, *, rising: bool) -> FloatArray:
+def find_crossings(
+    values: FloatArray, other: FloatArray, level: float, *, rising: bool
+) -> FloatArray:
     """Interpolate ``other`` where ``values`` crosses a level in one direction."""
     below = values < level if rising else values > level
     at = np.flatnonzero(below[:-1] & ~below[1:])
@@ -85,16 +87,16 @@ def crossings(values: FloatArray, other: FloatArray, level: float, *, rising: bo
 
 def are_measured(values: FloatArray) -> NDArray[np.bool_]:
     """Whether each sample can be a measured value: no NaN, infinity, or beyond `LARGEST`."""
-    return np.asarray(np.abs(values) <= LARGEST)
+    return np.asarray(np.abs(values) <= MAX_MEASURED_VALUE)
 
 
-_MARK_DISTANCE = 10.0
+_MIN_MARK_DISTANCE = 10.0
 """Ranges of the other values from which a value that repeats at the end of the range is a mark."""
-_KNOWN_DISTANCE = 2.0
+_MIN_KNOWN_MARK_DISTANCE = 2.0
 """The same for a value that instruments are known to send in place of one."""
 _MAX_MARK_SHARE = 0.2
-_MAX_WRITTEN = 1e16
-_MIN_OTHERS = 8
+_MAX_PLAIN_NUMBER = 1e16
+_MIN_OTHER_SAMPLES = 8
 _KNOWN_MARK = re.compile(
     r"9{3,}|32767|32768|65535|65536|8388607|8388608|2147483647|2147483648|4294967295|3402823\d*"
     r"|10{6,}"
@@ -102,36 +104,36 @@ _KNOWN_MARK = re.compile(
 """Digits of overrange marks: nines, the ends of whole numbers of a converter, the largest float."""
 
 
-def overrange_mark(values: FloatArray, *, is_output: bool) -> float | None:
+def find_overrange_mark(values: FloatArray, *, is_output: bool) -> float | None:
     """Return a value that is far outside all others and looks like an overrange mark.
 
     In an output, any value that repeats there does; an input may consist of pulses.
     """
-    held = values[are_measured(values)]
-    if held.size < 2 * _MIN_OTHERS:
+    measured = values[are_measured(values)]
+    if measured.size < 2 * _MIN_OTHER_SAMPLES:
         return None
-    for mark in (float(held.max()), float(held.min())):
-        is_mark = held == mark
+    for mark in (float(measured.max()), float(measured.min())):
+        is_mark = measured == mark
         count = int(np.count_nonzero(is_mark))
-        others = held[~is_mark]
-        if others.size < _MIN_OTHERS or count > _MAX_MARK_SHARE * held.size:
+        others = measured[~is_mark]
+        if others.size < _MIN_OTHER_SAMPLES or count > _MAX_MARK_SHARE * measured.size:
             continue
         span = float(np.ptp(others))
         distance = float(np.min(np.abs(others - mark)))
-        is_known = _KNOWN_MARK.fullmatch(_digits(mark)) is not None
+        is_known = _KNOWN_MARK.fullmatch(_significant_digits(mark)) is not None
         if span > 0.0 and (
-            (is_output and count > 1 and distance > _MARK_DISTANCE * span)
-            or (is_known and distance > _KNOWN_DISTANCE * span)
+            (is_output and count > 1 and distance > _MIN_MARK_DISTANCE * span)
+            or (is_known and distance > _MIN_KNOWN_MARK_DISTANCE * span)
         ):
             return mark
     return None
 
 
-def _digits(value: float) -> str:
+def _significant_digits(value: float) -> str:
     """Return the digits of a number without sign, point and zeros in front."""
     text = f"{abs(value):.7g}"
     if "e" in text:
-        text = f"{abs(value):.0f}" if abs(value) < _MAX_WRITTEN else text.partition("e")[0]
+        text = f"{abs(value):.0f}" if abs(value) < _MAX_PLAIN_NUMBER else text.partition("e")[0]
     return text.replace(".", "").lstrip("0")
 
 
@@ -157,13 +159,13 @@ def refuse_missing(
             )
 
 
-def time_fault(time: FloatArray) -> int | None:
+def find_time_reversal(time: FloatArray) -> int | None:
     """Find the index of the first sample whose time is before that of the sample before it."""
     back = np.flatnonzero(np.diff(time) < 0.0)
     return int(back[0]) + 1 if back.size else None
 
 
-def _local_extremes(values: FloatArray) -> NDArray[np.intp]:
+def _find_local_extremes(values: FloatArray) -> NDArray[np.intp]:
     """Find the first and the last sample and every local extreme (first of equals)."""
     moving = np.flatnonzero(np.diff(values) != 0.0)
     if moving.size == 0:
@@ -173,44 +175,47 @@ def _local_extremes(values: FloatArray) -> NDArray[np.intp]:
     return np.unique(np.concatenate(([0], inner, [values.size - 1]))).astype(np.intp)
 
 
-_MAX_STEP = 0.5
+_MAX_STEP_SHARE = 0.5
 """Largest step of the output, in parts of its range, beyond which samples in steep parts are added."""
 
 
-def thinned(drive: FloatArray, most: int, output: FloatArray | None = None) -> NDArray[np.intp]:
+def thin_rows(
+    drive: FloatArray, max_samples: int, output: FloatArray | None = None
+) -> NDArray[np.intp]:
     """Return the places of at most about `most` samples, and of every reversal.
 
     The samples are spread evenly over the way of the drive. If an output is steep somewhere, more
     are added, so that no step of it exceeds the mean step: at most twice as many in all.
     """
-    if drive.size <= most:
+    if drive.size <= max_samples:
         return np.arange(drive.size)
-    nearest = _spread_evenly(_way(drive), most)
-    kept = np.union1d(nearest, turning_points(drive))
-    steps = np.zeros(1) if output is None else np.abs(np.diff(output[kept]))
-    if output is None or steps.max() <= _MAX_STEP * np.ptp(output):
-        return kept
-    parts, way = np.ceil(steps / steps.mean()).astype(np.intp), _way(output)
+    nearest = _spread_evenly(_travel(drive), max_samples)
+    rows = np.union1d(nearest, find_turning_points(drive))
+    steps = np.zeros(1) if output is None else np.abs(np.diff(output[rows]))
+    if output is None or steps.max() <= _MAX_STEP_SHARE * np.ptp(output):
+        return rows
+    step_parts, output_travel = np.ceil(steps / steps.mean()).astype(np.intp), _travel(output)
     between = [
-        kept[place] + _spread_evenly(way[kept[place] : kept[place + 1] + 1], parts[place] + 1)
-        for place in np.flatnonzero(parts > 1)
+        rows[place]
+        + _spread_evenly(output_travel[rows[place] : rows[place + 1] + 1], step_parts[place] + 1)
+        for place in np.flatnonzero(step_parts > 1)
     ]
-    return np.unique(np.concatenate([kept, *between]))
+    return np.unique(np.concatenate([rows, *between]))
 
 
-def _way(values: FloatArray) -> FloatArray:
+def _travel(values: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
 
 
-def _spread_evenly(way: FloatArray, most: int) -> NDArray[np.intp]:
+def _spread_evenly(travel: FloatArray, count: int) -> NDArray[np.intp]:
     """Return the places of `most` samples, spread evenly over a way."""
-    nearest = np.searchsorted(way, np.linspace(way[0], way[-1], most))
-    return np.clip(nearest, 0, way.size - 1)
+    nearest = np.searchsorted(travel, np.linspace(travel[0], travel[-1], count))
+    return np.clip(nearest, 0, travel.size - 1)
 
 
-_WOBBLE = 0.05
+_MIN_BRANCH_SHARE = 0.05
 """Input reversals below this share of its range are noise, not branches."""
-_ALIKE = 0.03
+_MAX_REPEAT_DISTANCE = 0.03
 """Branches repeat each other if their ends agree within this share of the range."""
 
 
@@ -220,7 +225,7 @@ class Branch:
 
     start: int
     stop: int
-    rising: bool
+    is_rising: bool
 
     @property
     def rows(self) -> slice:
@@ -233,10 +238,10 @@ class Branch:
         return self.stop - self.start
 
 
-def branches(drive: FloatArray) -> list[Branch]:
+def find_branches(drive: FloatArray) -> list[Branch]:
     """Cut a record at its reversals; neighbours share the turning point."""
-    wobble = _WOBBLE * float(np.ptp(drive))
-    turns = turning_points(drive, wobble).tolist()
+    wobble = _MIN_BRANCH_SHARE * float(np.ptp(drive))
+    turns = find_turning_points(drive, wobble).tolist()
     # A record that wobbles before it sets out, or after it has come home, has no branch there.
     while len(turns) > 2 and abs(drive[turns[1]] - drive[0]) <= wobble:
         del turns[1]
@@ -245,9 +250,9 @@ def branches(drive: FloatArray) -> list[Branch]:
     return [Branch(a, b + 1, bool(drive[b] > drive[a])) for a, b in itertools.pairwise(turns)]
 
 
-def repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, Branch]]:
+def find_repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, Branch]]:
     """Pairs of branches, one cycle apart, that start and end at the same input."""
-    near = _ALIKE * float(np.ptp(drive))
+    near = _MAX_REPEAT_DISTANCE * float(np.ptp(drive))
     return [
         (first, second)
         for first, second in zip(parts, parts[2:], strict=False)
@@ -256,7 +261,9 @@ def repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, Branch
     ]
 
 
-def smooth(drive: FloatArray, answer: FloatArray, bins: int = 100) -> tuple[FloatArray, FloatArray]:
+def average_in_bins(
+    drive: FloatArray, answer: FloatArray, bins: int = 100
+) -> tuple[FloatArray, FloatArray]:
     """Average one branch in equal bins of the input."""
     low, span = float(drive.min()), float(np.ptp(drive)) or 1.0
     count = min(bins, drive.size)
@@ -270,7 +277,7 @@ def smooth(drive: FloatArray, answer: FloatArray, bins: int = 100) -> tuple[Floa
 
 def smooth_curve(drive: FloatArray, answer: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a curve through samples, averaged in bins of the input, straight on to both ends."""
-    x, y = smooth(drive, answer, 60)
+    x, y = average_in_bins(drive, answer, 60)
     if x.size < 2:
         return x, y
     slopes = np.diff(y)[[0, -1]] / np.diff(x)[[0, -1]]
@@ -279,16 +286,16 @@ def smooth_curve(drive: FloatArray, answer: FloatArray) -> tuple[FloatArray, Flo
     return np.concatenate([ends[:1], x, ends[1:]]), np.concatenate([outer[:1], y, outer[1:]])
 
 
-def separation(
+def branch_separation(
     drive: FloatArray, answer: FloatArray, first: Branch, second: Branch
 ) -> tuple[FloatArray, FloatArray] | None:
     """Output of the falling branch minus that of the rising one, over the input they share.
 
     Positive where the loop runs as one that loses energy. ``None`` if they share nothing.
     """
-    up, down = (first, second) if first.rising else (second, first)
-    x1, y1 = smooth(drive[up.rows], answer[up.rows])
-    x2, y2 = smooth(drive[down.rows], answer[down.rows])
+    up, down = (first, second) if first.is_rising else (second, first)
+    x1, y1 = average_in_bins(drive[up.rows], answer[up.rows])
+    x2, y2 = average_in_bins(drive[down.rows], answer[down.rows])
     low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
     if high <= low:
         return None
@@ -314,9 +321,9 @@ def correlation(first: FloatArray, second: FloatArray) -> float:
     return float(np.sum(a * b)) / scale if scale > 0.0 else 0.0
 
 
-Kind = Literal["demagnetised", "settled", "conditioned"]
+HistoryKind = Literal["demagnetised", "settled", "conditioned"]
 
-_ADVICE = (
+_HISTORY_ADVICE = (
     "use demagnetised, settled or conditioned:0,2,0 (the drive's turning points in SI units; "
     "conditioned:0,2,0@0.0003;0,1 if the first were at 0.0003)"
 )
@@ -333,21 +340,21 @@ class History:
     that of the loop; empty if it was so at all.
     """
 
-    kind: Kind
+    kind: HistoryKind
     turning_points: tuple[float, ...] = ()
     schedule: tuple[float | None, ...] = ()
 
     def __post_init__(self) -> None:
         if self.kind not in {"demagnetised", "settled", "conditioned"}:
             raise InputError(
-                f"history '{self.kind}' is not known; {_ADVICE}",
+                f"history '{self.kind}' is not known; {_HISTORY_ADVICE}",
                 code="unknown-history",
                 key="history",
             )
         wrong = {"conditioned": not self.turning_points, "demagnetised": bool(self.turning_points)}
         if wrong.get(self.kind, False):
             raise InputError(
-                f"history '{self.kind}' with the wrong turning points; {_ADVICE}",
+                f"history '{self.kind}' with the wrong turning points; {_HISTORY_ADVICE}",
                 code="history-turning-points",
                 key="history",
             )
@@ -361,7 +368,7 @@ class History:
         values = [*self.turning_points, *(value for value in self.schedule if value is not None)]
         if not all(math.isfinite(value) for value in values):
             raise InputError(
-                f"history '{self}': turning points must be finite; {_ADVICE}",
+                f"history '{self}': turning points must be finite; {_HISTORY_ADVICE}",
                 code="history-turning-points",
                 key="history",
             )
@@ -405,34 +412,36 @@ class History:
         kind = kind.strip().lower().replace("demagnetized", "demagnetised")
         if kind not in {"demagnetised", "settled", "conditioned"}:
             raise InputError(
-                f"history '{text}' is not known; {_ADVICE}", code="unknown-history", key="history"
+                f"history '{text}' is not known; {_HISTORY_ADVICE}",
+                code="unknown-history",
+                key="history",
             )
         points: list[float] = []
         schedule: list[float | None] = []
         try:
             for stretch in rest.split(";") if colon else ():
-                turns, elsewhere, value = stretch.partition("@")
+                turns, at_sign, value = stretch.partition("@")
                 points += [float(point) for point in turns.split(",")]
-                at = float(value) if elsewhere else None
-                schedule += [at] * (len(points) - len(schedule))
+                schedule_value = float(value) if at_sign else None
+                schedule += [schedule_value] * (len(points) - len(schedule))
         except ValueError:
             raise InputError(
-                f"history '{text}': turning points are no numbers; {_ADVICE}",
+                f"history '{text}': turning points are no numbers; {_HISTORY_ADVICE}",
                 code="history-turning-points",
                 key="history",
             ) from None
-        return cls(cast("Kind", kind), tuple(points), tuple(schedule))
+        return cls(cast("HistoryKind", kind), tuple(points), tuple(schedule))
 
-    def places(self, own: float | None) -> tuple[float | None, ...]:
+    def schedule_at_points(self, loop_value: float | None) -> tuple[float | None, ...]:
         """Return the scheduling variable at each turning point, for a loop at a value of its own."""
         schedule = self.schedule or (None,) * len(self.turning_points)
-        return tuple(own if value is None else value for value in schedule)
+        return tuple(loop_value if value is None else value for value in schedule)
 
     def __str__(self) -> str:
         """Text form, exact to the last digit; `parse` reads it back."""
         if not self.turning_points:
             return self.kind
-        pairs = zip(self.turning_points, self.places(None), strict=True)
+        pairs = zip(self.turning_points, self.schedule_at_points(None), strict=True)
         stretches = []
         for value, stretch in groupby(pairs, key=lambda pair: pair[1]):
             points = ",".join(repr(float(point)) for point, _ in stretch)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.estimates import TO_SIGMA
-from anhyst.data.path import reversal_count, runs_of
+from anhyst.data.path import find_runs, reversal_count
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES, Quantity
 
@@ -25,13 +25,13 @@ _MAX_WINDOW_SAMPLES = 301
 _MIN_WINDOW_SAMPLES = 5
 _MAX_DRIFT = 0.005
 """Change of the moving average within a plateau, in parts of its value; the noise is added."""
-_SIGMAS = 6.0
+_MAX_DISTANCE_SIGMAS = 6.0
 """Samples farther from a plateau than this number of standard deviations lie beside it."""
-_MAX_LOST = 0.1
+_MAX_LOST_SHARE = 0.1
 """Part of the record that may lie between the plateaus."""
-_MIN_SWING = 0.3
+_MIN_INPUT_SHARE = 0.3
 """Part of the input's range that a plateau runs through."""
-_REVERSAL = 0.1
+_MIN_REVERSAL_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Plateaus:
 
 
 @dataclass(frozen=True, slots=True)
-class _Rest:
+class _Plateau:
     """A stretch where the value rests: its rows, mean and standard deviation."""
 
     rows: slice
@@ -58,34 +58,39 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
     is_exact = bounds.size == 2 or int(np.diff(bounds).min()) >= _MIN_RUN_SAMPLES
     if values.size < 4 * _MIN_WINDOW_SAMPLES or is_exact:
         return None
-    long = np.flatnonzero(np.diff(bounds) >= _MIN_RUN_SAMPLES)
-    runs = [slice(int(bounds[index]), int(bounds[index + 1])) for index in long]
-    exact = [_Rest(rows, float(values[rows.start]), 0.0) for rows in runs if has_loop(drive, rows)]
-    rests = exact if len(exact) > 1 else _find_rests(values)
-    if not rests or not all(has_loop(drive, rest.rows) for rest in rests):
+    long_runs = np.flatnonzero(np.diff(bounds) >= _MIN_RUN_SAMPLES)
+    runs = [slice(int(bounds[index]), int(bounds[index + 1])) for index in long_runs]
+    exact_plateaus = [
+        _Plateau(rows, float(values[rows.start]), 0.0) for rows in runs if has_loop(drive, rows)
+    ]
+    plateaus = exact_plateaus if len(exact_plateaus) > 1 else _search_plateaus(values)
+    if not plateaus or not all(has_loop(drive, rest.rows) for rest in plateaus):
         return None
-    levels = _levels(rests)
+    levels = _plateau_values(plateaus)
     if len(set(levels)) == 1 and quantity != QUANTITIES["gap"]:
         return None  # one temperature with noise says nothing
-    owner = _assign(values, rests)
-    if all(rest.sigma == 0.0 for rest in rests) and not _are_ramps(values, owner):
+    plateau_of_row = _assign_rows(values, plateaus)
+    if all(rest.sigma == 0.0 for rest in plateaus) and not _are_only_ramps(values, plateau_of_row):
         return None
-    rows = np.flatnonzero(owner >= 0)
-    if rows.size < (1.0 - _MAX_LOST) * values.size:
+    rows = np.flatnonzero(plateau_of_row >= 0)
+    if rows.size < (1.0 - _MAX_LOST_SHARE) * values.size:
         # No loop is cut, however long it takes, if the input rests wherever the gap moves.
         span = float(np.ptp(drive))
-        if any(np.ptp(drive[moved]) > _REVERSAL * span for moved in runs_of(owner < 0)):
+        if any(
+            np.ptp(drive[moved]) > _MIN_REVERSAL_SHARE * span
+            for moved in find_runs(plateau_of_row < 0)
+        ):
             return None
     return Plateaus(
         rows,
-        np.array(levels)[owner[rows]],
-        _describe(rests, levels, values.size - rows.size, quantity),
+        np.array(levels)[plateau_of_row[rows]],
+        _describe(plateaus, levels, values.size - rows.size, quantity),
     )
 
 
-def _are_ramps(values: FloatArray, owner: NDArray[np.intp]) -> bool:
+def _are_only_ramps(values: FloatArray, plateau_of_row: NDArray[np.intp]) -> bool:
     """Whether all that is left out lies between two gaps, and is not a wrong value at one of them."""
-    for rows in runs_of(owner < 0):
+    for rows in find_runs(plateau_of_row < 0):
         if rows.start == 0 or rows.stop == values.size:
             return False
         low, high = sorted((values[rows.start - 1], values[rows.stop]))
@@ -95,7 +100,7 @@ def _are_ramps(values: FloatArray, owner: NDArray[np.intp]) -> bool:
     return True
 
 
-def _find_rests(values: FloatArray) -> list[_Rest]:
+def _search_plateaus(values: FloatArray) -> list[_Plateau]:
     """Find the stretches whose moving average stays; an empty list if it drifts within one."""
     from scipy.ndimage import uniform_filter1d  # slow to load, and needed for noisy gaps only
 
@@ -104,62 +109,66 @@ def _find_rests(values: FloatArray) -> list[_Rest]:
     noise = TO_SIGMA * float(np.median(steps)) / math.sqrt(2.0)
     noise = max(noise, float(np.mean(steps)) / 2.0)
     smooth = uniform_filter1d(values, width, mode="nearest")
-    limit = _MAX_DRIFT * float(np.median(np.abs(values))) + _SIGMAS * noise / math.sqrt(width)
-    ahead = np.concatenate((smooth[width:], np.full(width, smooth[-1])))
-    is_still = np.abs(ahead - smooth) <= limit
+    max_change = _MAX_DRIFT * float(
+        np.median(np.abs(values))
+    ) + _MAX_DISTANCE_SIGMAS * noise / math.sqrt(width)
+    later_average = np.concatenate((smooth[width:], np.full(width, smooth[-1])))
+    is_still = np.abs(later_average - smooth) <= max_change
     is_still[width:] &= is_still[:-width].copy()
-    rests = []
-    for rows in runs_of(is_still):
+    plateaus = []
+    for rows in find_runs(is_still):
         if rows.stop - rows.start < 2 * width:
             continue
         inner = values[rows]
         mean, sigma = float(np.mean(inner)), float(np.std(inner))
         swing = float(np.ptp(smooth[rows]))
-        if swing > 2.0 * limit:
+        if swing > 2.0 * max_change:
             return []
-        rests.append(_Rest(rows, mean, sigma))
-    return rests
+        plateaus.append(_Plateau(rows, mean, sigma))
+    return plateaus
 
 
 def has_loop(drive: FloatArray, rows: slice | NDArray[np.intp]) -> bool:
     """Whether some rows of a record hold a loop: the input runs through much of its range and back."""
     inner, span = drive[rows], float(np.ptp(drive))
-    is_wide = float(np.ptp(inner)) >= _MIN_SWING * span
-    return is_wide and reversal_count(inner, _REVERSAL * span) > 0
+    is_wide = float(np.ptp(inner)) >= _MIN_INPUT_SHARE * span
+    return is_wide and reversal_count(inner, _MIN_REVERSAL_SHARE * span) > 0
 
 
-def _levels(rests: list[_Rest]) -> list[float]:
+def _plateau_values(plateaus: list[_Plateau]) -> list[float]:
     """Return the value of each rest, one for those that agree, rounded well below the scatter."""
     levels: list[float] = []
-    for rest in rests:
-        places = max(0, 1 - math.floor(math.log10(rest.sigma))) if rest.sigma > 0.0 else 12
+    for rest in plateaus:
+        decimals = max(0, 1 - math.floor(math.log10(rest.sigma))) if rest.sigma > 0.0 else 12
         # Contact is 0, whatever the zero of the sensor makes of it.
-        near = [level for level in (*levels, 0.0) if abs(level - rest.mean) <= rest.sigma]
-        levels.append(near[0] if near else round(rest.mean, places))
+        equal_levels = [level for level in (*levels, 0.0) if abs(level - rest.mean) <= rest.sigma]
+        levels.append(equal_levels[0] if equal_levels else round(rest.mean, decimals))
     return levels
 
 
-def _assign(values: FloatArray, rests: list[_Rest]) -> NDArray[np.intp]:
+def _assign_rows(values: FloatArray, plateaus: list[_Plateau]) -> NDArray[np.intp]:
     """Return the rest that each row belongs to, -1 for rows between two."""
-    owner = np.full(values.size, -1, np.intp)
-    edges = [0, *(rest.rows.stop for rest in rests[:-1]), values.size]
-    for index, rest in enumerate(rests):
+    plateau_of_row = np.full(values.size, -1, np.intp)
+    edges = [0, *(rest.rows.stop for rest in plateaus[:-1]), values.size]
+    for index, rest in enumerate(plateaus):
         # Up to the next rest a row may belong to either.
-        start = edges[index] if index == 0 else rests[index - 1].rows.stop
-        stop = values.size if index + 1 == len(rests) else rests[index + 1].rows.start
+        start = edges[index] if index == 0 else plateaus[index - 1].rows.stop
+        stop = values.size if index + 1 == len(plateaus) else plateaus[index + 1].rows.start
         rows = slice(start, stop)
-        away = np.abs(values[rows] - rest.mean)
-        is_mine = away <= _SIGMAS * rest.sigma
+        distance = np.abs(values[rows] - rest.mean)
+        is_near = distance <= _MAX_DISTANCE_SIGMAS * rest.sigma
         for other in (index - 1, index + 1):
-            if 0 <= other < len(rests):
-                is_mine &= away <= np.abs(values[rows] - rests[other].mean)
-        owner[rows][is_mine] = index
-        owner[rest.rows] = index
-    return owner
+            if 0 <= other < len(plateaus):
+                is_near &= distance <= np.abs(values[rows] - plateaus[other].mean)
+        plateau_of_row[rows][is_near] = index
+        plateau_of_row[rest.rows] = index
+    return plateau_of_row
 
 
-def _describe(rests: list[_Rest], levels: list[float], lost: int, quantity: Quantity) -> str:
-    scatter = max(rest.sigma for rest in rests)
+def _describe(
+    plateaus: list[_Plateau], levels: list[float], lost_count: int, quantity: Quantity
+) -> str:
+    scatter = max(rest.sigma for rest in plateaus)
     texts = (quantity.show(level).removeprefix(quantity.name) for level in levels)
     shown = list(dict.fromkeys(texts))
     size = f"{scatter * 1e6:.2g} µm" if quantity.unit == "m" else f"{scatter:.2g} {quantity.unit}"
@@ -167,4 +176,4 @@ def _describe(rests: list[_Rest], levels: list[float], lost: int, quantity: Quan
     many = f"{len(shown)} plateaus" if len(shown) > 1 else "one plateau"
     text = f"{name} has {many}:{','.join(shown)}"
     text += f" (scatter {size})" if scatter != 0.0 else ""
-    return text + (f"; {lost} samples between them left out" if lost else "")
+    return text + (f"; {lost_count} samples between them left out" if lost_count else "")

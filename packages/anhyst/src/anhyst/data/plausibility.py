@@ -6,16 +6,23 @@ import itertools
 
 import numpy as np
 
-from anhyst.data.estimates import noise
-from anhyst.data.loops import Loop, Loops, folded
+from anhyst.data.estimates import estimate_noise
+from anhyst.data.loops import Loop, Loops, fold_input
 from anhyst.data.output_map import output_map
-from anhyst.data.path import branches, correlation, is_bipolar, is_negative, runs_of, separation
+from anhyst.data.path import (
+    branch_separation,
+    correlation,
+    find_branches,
+    find_runs,
+    is_bipolar,
+    is_negative,
+)
 from anhyst.data.symmetry import check_not_even, recentre
 from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 
 _SWAP_ADVICE = "are the columns of current and force swapped?"
-_PLAUSIBLE: dict[str, tuple[float, float, str, str]] = {
+_PLAUSIBLE_RANGES: dict[str, tuple[float, float, str, str]] = {
     "current": (1e-5, 1e3, "A, not kA", "mA, not A"),
     "field": (1e-2, 1e7, "kA/m, not A/m", "A/m, not kA/m"),
     "voltage": (1e-5, 1e5, "V, not mV", "mV, not V"),
@@ -24,18 +31,18 @@ _PLAUSIBLE: dict[str, tuple[float, float, str, str]] = {
     "displacement": (1e-10, 1.0, "um, not nm", "mm or um, not m"),
 }
 """What an actuator's largest value lies between, SI, and the likely unit below and above that."""
-_GAPS = (2e-6, 0.02)
+_PLAUSIBLE_GAPS_M = (2e-6, 0.02)
 """The same of the largest gap, m: below it is finer than surfaces are flat."""
-_SAME = 1e-3
+_MIN_RELATIVE_DIFFERENCE = 1e-3
 """Scheduling values nearer to each other than this, relative, are more likely the same."""
-_FLAT = 0.3
-_STRONG = 0.8
-_OFFSET = 0.05
+_MAX_SWAPPED_CORRELATION = 0.3
+_MIN_SQUARE_CORRELATION = 0.8
+_MAX_SENSOR_OFFSET_SHARE = 0.05
 """Largest negative force, in parts of the largest of all loops, that may be an offset of the sensor."""
 _MIN_CLIPPED_SAMPLES = 8
 _MIN_CLIPPED_SHARE = 0.1
 """Part of the range of the input over which an output that is not clipped never stays the same."""
-_CERTAIN = 4.0
+_MIN_SIGMAS = 4.0
 """Standard errors by which a slope, or what a cycle would win, must be too large to count as such."""
 
 
@@ -50,9 +57,9 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     one that is driven to both sides: in a small one remanence, offset and noise may be larger than
     what the current adds.
     """
-    warnings = _check_schedule(loopset) + _check_size(loopset)
+    warnings = _check_schedule(loopset) + _check_magnitude(loopset)
     check_not_even(loopset)
-    loopset, even_output = recentre(loopset)
+    loopset, is_even_output = recentre(loopset)
     answer = output_map(loopset.output)
     largest: dict[float | None, Loop] = {}  # by the gap; None where it moves, or there is none
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.ptp(loop.output))):
@@ -60,12 +67,16 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     for loop in loopset.loops:
         name = loopset.describe(loop)
         is_largest = loop is largest[loop.schedule_value]
-        if answer.even and is_largest:
+        if answer.is_even and is_largest:
             _check_force_sign(loopset, loop, name)
             # A biased force starts steep.
-            if loopset.input.name == "current" and (even_output or not is_bipolar(loop.input)):
+            if loopset.input.name == "current" and (is_even_output or not is_bipolar(loop.input)):
                 warnings += _check_swap(loop, name)
-        if answer.of_flux and not answer.even and correlation(loop.input, loop.output) < -0.5:
+        if (
+            answer.is_flux_based
+            and not answer.is_even
+            and correlation(loop.input, loop.output) < -0.5
+        ):
             what = loopset.output.name.replace("_", " ")
             raise InputError(
                 f"{name}: the {what} falls as the {loopset.input.name} grows; reverse the sign "
@@ -73,9 +84,9 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
                 code="flux-falls",
                 key=name,
             )
-        if is_largest or not (even_output and is_bipolar(loop.input)):
-            warnings += _check_sense(loopset, loop, name, even=even_output)
-        _check_order(loopset, loop, name)
+        if is_largest or not (is_even_output and is_bipolar(loop.input)):
+            warnings += _check_loop_direction(loopset, loop, name, even=is_even_output)
+        _check_branch_order(loopset, loop, name)
         warnings += _check_clipping(loopset, loop, name)
         if not loop.reverses:
             warnings.append(f"{name}: the input never reverses: nothing to learn about hysteresis")
@@ -88,7 +99,7 @@ def _check_clipping(loopset: Loops, loop: Loop, name: str) -> list[str]:
     for extreme in (float(loop.output.max()), float(loop.output.min())):
         spans = [
             float(np.ptp(loop.input[rows]))
-            for rows in runs_of(loop.output == extreme)
+            for rows in find_runs(loop.output == extreme)
             if rows.stop - rows.start >= _MIN_CLIPPED_SAMPLES
         ]
         share = max(spans, default=0.0) / (float(np.ptp(loop.input)) or 1.0)
@@ -107,18 +118,18 @@ def _check_schedule(loopset: Loops) -> list[str]:
     quantity, values = loopset.schedule, loopset.schedule_values
     if quantity is None or not values:
         return warnings
-    if quantity.name == "gap" and values[-1] >= _GAPS[1]:
+    if quantity.name == "gap" and values[-1] >= _PLAUSIBLE_GAPS_M[1]:
         warnings.append(
             f"gaps up to {1e3 * values[-1]:.4g} mm are very wide for an electromagnet; if the "
             "numbers of the file are mm, name the column 'gap_mm'"
         )
-    if quantity.name == "gap" and 0.0 < values[-1] < _GAPS[0]:
+    if quantity.name == "gap" and 0.0 < values[-1] < _PLAUSIBLE_GAPS_M[0]:
         warnings.append(
             f"gaps up to {1e3 * values[-1]:.4g} mm are finer than surfaces are flat; if the "
             "numbers of the file are m, name the column 'gap_m'"
         )
     for lower, upper in itertools.pairwise(values):
-        if upper - lower < _SAME * max(abs(lower), abs(upper)):
+        if upper - lower < _MIN_RELATIVE_DIFFERENCE * max(abs(lower), abs(upper)):
             warnings.append(
                 f"{quantity.name} {lower:.9g} and {upper:.9g} {quantity.unit} are all but the same; if "
                 "they are, write one value for both"
@@ -126,17 +137,19 @@ def _check_schedule(loopset: Loops) -> list[str]:
     return warnings
 
 
-def _check_size(loopset: Loops) -> list[str]:
+def _check_magnitude(loopset: Loops) -> list[str]:
     """Warn of a quantity whose largest value no actuator has."""
     warnings = []
     for quantity, name in ((loopset.input, "input"), (loopset.output, "output")):
         largest = max(float(np.max(np.abs(getattr(loop, name)))) for loop in loopset.loops)
-        if quantity.name not in _PLAUSIBLE or largest == 0.0:
+        if quantity.name not in _PLAUSIBLE_RANGES or largest == 0.0:
             continue
-        least, most, small, large = _PLAUSIBLE[quantity.name]
-        if not least <= largest <= most:
+        min_plausible, max_plausible, unit_if_small, unit_if_large = _PLAUSIBLE_RANGES[
+            quantity.name
+        ]
+        if not min_plausible <= largest <= max_plausible:
             what = f"{quantity.name.replace('_', ' ')} is {largest:.4g} {quantity.unit}"
-            unit = small if largest < least else large
+            unit = unit_if_small if largest < min_plausible else unit_if_large
             warnings.append(
                 f"the largest {what}, which is hardly plausible; are the numbers in {unit}?"
             )
@@ -145,48 +158,53 @@ def _check_size(loopset: Loops) -> list[str]:
 
 def _check_force_sign(loopset: Loops, loop: Loop, name: str) -> None:
     low, high = float(loop.output.min()), float(loop.output.max())
-    if -low <= _OFFSET * largest_output(loopset):
+    if -low <= _MAX_SENSOR_OFFSET_SHARE * largest_output(loopset):
         return
     falls = correlation(loop.input**2, loop.output) < -0.5
     if falls or high <= 0.0 or -low > 5.0 * high:
-        drive, what = loopset.input.name, f"{low:.4g} to {high:.4g} {loopset.output.unit}"
+        drive, force_range = loopset.input.name, f"{low:.4g} to {high:.4g} {loopset.output.unit}"
         if is_negative(loop.input):
             raise InputError(
-                f"{name}: the force is negative ({what}), and so is the {drive}; attraction counts "
+                f"{name}: the force is negative ({force_range}), and so is the {drive}; attraction counts "
                 f"positive: --flip {loopset.input.symbol},{loopset.output.symbol}",
                 code="force-negative",
                 key=name,
             )
         raise InputError(
-            f"{name}: the force is negative ({what}) and falls as the {drive} grows; attraction "
+            f"{name}: the force is negative ({force_range}) and falls as the {drive} grows; attraction "
             f"counts positive: --flip {loopset.output.symbol}",
             code="force-negative",
             key=name,
         )
 
 
-def _check_order(loopset: Loops, loop: Loop, name: str) -> None:
+def _check_branch_order(loopset: Loops, loop: Loop, name: str) -> None:
     """Refuse a table that lists both branches of a loop in the same direction of the input."""
-    parts = branches(loop.input)
+    parts = find_branches(loop.input)
     if loop.time is not None or len(parts) != 3 or parts[1].stop - parts[1].start > 2:
         return
     first, second = parts[0], parts[2]
     ends = loop.input[[first.stop - 1, second.start]]
     # A step of the drive is fast, and a record of one has a clock.
-    apart = separation(loop.input, loop.output, first, second)
-    least = max(_CERTAIN * noise(loop.output), _SAME * float(np.ptp(loop.output)))
-    if apart is None or float(np.max(np.abs(apart[1]))) < least:
+    distance = branch_separation(loop.input, loop.output, first, second)
+    min_distance = max(
+        _MIN_SIGMAS * estimate_noise(loop.output),
+        _MIN_RELATIVE_DIFFERENCE * float(np.ptp(loop.output)),
+    )
+    if distance is None or float(np.max(np.abs(distance[1]))) < min_distance:
         return
     # The falling branch of a loop that loses energy is the upper one.
-    wrong = second if float(np.mean(apart[1])) > 0.0 else first
+    branch_to_reverse = second if float(np.mean(distance[1])) > 0.0 else first
     top = float(np.max(np.abs(ends)))
-    is_closed = abs(loop.output[first.start] - loop.output[second.start]) < least
-    past = "" if is_closed else f" and use --history conditioned:{top:g},{-top:g},{ends.min():g}"
+    is_closed = abs(loop.output[first.start] - loop.output[second.start]) < min_distance
+    history_option = (
+        "" if is_closed else f" and use --history conditioned:{top:g},{-top:g},{ends.min():g}"
+    )
     raise InputError(
         f"{name}: the {loopset.input.name} jumps from {ends[0]:.4g} to {ends[1]:.4g} "
         f"{loopset.input.unit} and then runs in the same direction again: the table lists both "
-        f"branches in one direction; reverse the order of samples {wrong.start + 1} to "
-        f"{wrong.stop}{past}, or add a time column if the drive did jump",
+        f"branches in one direction; reverse the order of samples {branch_to_reverse.start + 1} to "
+        f"{branch_to_reverse.stop}{history_option}, or add a time column if the drive did jump",
         code="branches-in-one-direction",
         key=name,
     )
@@ -195,66 +213,69 @@ def _check_order(loopset: Loops, loop: Loop, name: str) -> None:
 def _check_swap(loop: Loop, name: str) -> list[str]:
     drive, answer = loop.input, loop.output
     if not is_bipolar(drive) and is_bipolar(answer):
-        even = correlation(drive, answer**2)
-        if abs(correlation(drive, answer)) < _FLAT and even > _STRONG:
+        square_correlation = correlation(drive, answer**2)
+        if (
+            abs(correlation(drive, answer)) < _MAX_SWAPPED_CORRELATION
+            and square_correlation > _MIN_SQUARE_CORRELATION
+        ):
             raise InputError(
                 f"{name}: the force takes both signs at the same current; {_SWAP_ADVICE}",
                 code="columns-swapped",
                 key=name,
             )
-    steep = _initial_steepness(loop)
-    if steep is None:
+    slope_ratio = _initial_slope_ratio(loop)
+    if slope_ratio is None:
         return []
-    if steep > 1.5:
+    if slope_ratio > 1.5:
         raise InputError(
             f"{name}: the force rises steepest at the smallest current, as a current over force "
             f"would; {_SWAP_ADVICE}",
             code="columns-swapped",
             key=name,
         )
-    if steep > 1.0:
+    if slope_ratio > 1.0:
         return [f"{name}: the force does not start flat as a square does; {_SWAP_ADVICE}"]
     return []
 
 
-def _initial_steepness(loop: Loop) -> float | None:
+def _initial_slope_ratio(loop: Loop) -> float | None:
     """Mean slope over the first tenth of a unipolar input, over that of the next two tenths, noise off."""
-    size, answer = folded(loop, even=True)
+    inputs, answer = fold_input(loop, even=True)
     if is_bipolar(loop.input) and is_bipolar(answer):
         return None
-    span = float(np.ptp(size))
-    if float(size.min()) > 0.05 * float(size.max()):
+    span = float(np.ptp(inputs))
+    if float(inputs.min()) > 0.05 * float(inputs.max()):
         return None  # a record that does not start near zero does not show it
     heights, variances = [], []
     for level in (0.0, 0.1, 0.3):
-        near = np.abs(size - size.min() - level * span) <= 0.02 * span
+        near = np.abs(inputs - inputs.min() - level * span) <= 0.02 * span
         if np.count_nonzero(near) < 2:
             return None
         heights.append(float(np.mean(answer[near])))
-        variances.append(noise(answer) ** 2 / np.count_nonzero(near))
+        variances.append(estimate_noise(answer) ** 2 / np.count_nonzero(near))
     next_slope = (heights[2] - heights[1]) / 0.2
-    doubt = _CERTAIN * float(np.sqrt(variances[0] + variances[1]))
-    first_slope = (heights[1] - heights[0] - doubt) / 0.1
+    uncertainty = _MIN_SIGMAS * float(np.sqrt(variances[0] + variances[1]))
+    first_slope = (heights[1] - heights[0] - uncertainty) / 0.1
     return None if next_slope <= 0.02 * float(np.ptp(answer)) else first_slope / next_slope
 
 
-def _check_sense(loopset: Loops, loop: Loop, name: str, *, even: bool) -> list[str]:
+def _check_loop_direction(loopset: Loops, loop: Loop, name: str, *, even: bool) -> list[str]:
     """Warn of a settled cycle whose input runs ahead the wrong way: it would win energy."""
-    if not output_map(loopset.output).of_flux or not loop.reverses:
+    if not output_map(loopset.output).is_flux_based or not loop.reverses:
         return []
-    size, answer = folded(loop, even=even)
+    inputs, answer = fold_input(loop, even=even)
     height = float(np.ptp(answer))
     total = weight = variance = 0.0
-    for first, second in itertools.pairwise(branches(size)):
-        width = separation(size, answer, first, second)
+    for first, second in itertools.pairwise(find_branches(inputs)):
+        width = branch_separation(inputs, answer, first, second)
         if width is not None:
             share = float(np.ptp(width[0]))
             total += share * float(np.mean(width[1]))
             weight += share
             samples = min(part.size for part in (first, second))
-            variance += 2.0 * (share * noise(answer)) ** 2 / samples
+            variance += 2.0 * (share * estimate_noise(answer)) ** 2 / samples
     # What a narrow loop would win or lose may be the noise of the sensor.
-    if total < -max(0.005 * height * weight, _CERTAIN * float(np.sqrt(variance))):
+    if total < -max(0.005 * height * weight, _MIN_SIGMAS * float(np.sqrt(variance))):
         return [
             f"{name}: the loop runs the wrong way round (it would win energy): channels skewed, "
             "samples in reverse order, or a sign flipped"

@@ -10,7 +10,13 @@ import re
 import shlex
 from collections.abc import Collection, Sequence
 
-from anhyst.support.units import DIMENSIONS, INPUTS, QUANTITIES, Header, find_unit
+from anhyst.support.units import (
+    DRIVE_QUANTITIES,
+    QUANTITIES,
+    QUANTITY_DIMENSIONS,
+    Header,
+    find_unit,
+)
 from anhyst.support.vocabulary import (
     RAW_UNITS,
     fold,
@@ -20,11 +26,11 @@ from anhyst.support.vocabulary import (
     is_measured,
     is_sensor,
     named_quantities,
+    split_words,
     undo_formula,
-    words_of,
 )
 
-_HINTS = {
+_NAME_HINTS = {
     "current": ("curr", "amp", "coil", "i"),
     "field": ("feld", "h"),
     "voltage": ("volt", "u", "v"),
@@ -37,7 +43,7 @@ _HINTS = {
 }
 """What columns are called beside the words of `named_quantities`; they propose, and never decide."""
 
-_OTHERS = {
+_EXCLUDING_WORDS = {
     "flux_density": {
         "j",
         "js",
@@ -57,35 +63,38 @@ _ELECTROMAGNETIC = frozenset({"current", "field", "force", "flux_density", "flux
 """What a file about a piezo does not hold."""
 
 _MAX_CHOICES = 4
-_FIT = 4
+_UNIT_SCORE = 4
 """Score of a unit that fits a quantity."""
-_NAMED = 2
+_NAME_SCORE = 2
 """Score of a name that fits a quantity."""
-_DOUBT = 4
+_DOUBT_PENALTY = 4
 """Score that a name loses by a word such as *setpoint* or by being a formula."""
 
 
-def mapping(
-    headers: Sequence[Header], *wanted: Sequence[str], skip: Collection[int] = (), least: int = -8
+def advise_mapping(
+    headers: Sequence[Header],
+    *missing: Sequence[str],
+    skip: Collection[int] = (),
+    min_score: int = -8,
 ) -> str:
     """Advise how to map the likeliest columns to what is missing."""
-    found = likely(headers, wanted, skip, least)
+    found = find_likely_columns(headers, missing, skip, min_score)
     note = _note_formulas(headers)
     if not found:
         return note
     for column, name in found:
-        if equals := _equals(headers, column, name, found, skip):
+        if rivals := _find_rivals(headers, column, name, found, skip):
             # Several columns may be what is missing: the choice is the user's, one at a time.
-            choices = [_pasted(headers, [(one, name)]) for one in (column, *equals)]
-            said = name.replace("_", " ")
-            said += f": {' or '.join(choices[:_MAX_CHOICES])}"
-            return f"{note}; or say which one is the {said}"
+            choices = [_mapping_options(headers, [(one, name)]) for one in (column, *rivals)]
+            choice_text = name.replace("_", " ")
+            choice_text += f": {' or '.join(choices[:_MAX_CHOICES])}"
+            return f"{note}; or say which one is the {choice_text}"
     doubted = [f"'{headers[column].text}'" for column, _ in found
                if has_qualifier(headers[column].name)]  # fmt: skip
     them = "it" if len(found) == 1 else "them"
     if doubted:
         them = f"{them}, if {' and '.join(doubted)} can replace what was measured"
-    return f"{note}; or map {them}: {_pasted(headers, found)}"
+    return f"{note}; or map {them}: {_mapping_options(headers, found)}"
 
 
 def _note_formulas(headers: Sequence[Header]) -> str:
@@ -102,22 +111,22 @@ def _is_doubted(header: Header) -> bool:
     return has_qualifier(header.name) or is_formula(header.name)
 
 
-def _pasted(headers: Sequence[Header], found: Sequence[tuple[int, str]]) -> str:
+def _mapping_options(headers: Sequence[Header], found: Sequence[tuple[int, str]]) -> str:
     """Return the options that map columns, with scales to complete."""
     pairs = [(headers[column], name) for column, name in found]
-    mapped = mapped_so_far(headers)
-    mapped |= {header.text: _target(header, name) for header, name in pairs}
-    scales = {header.text: _unknown_scale(header, name) for header, name in pairs}
+    mapped = current_mapping(headers)
+    mapped |= {header.text: _target_column(header, name) for header, name in pairs}
+    scales = {header.text: _scale_for_quantity(header, name) for header, name in pairs}
     unknown = {name: text for name, text in scales.items() if text}
-    return option("columns", mapped) + scale_advice(headers, unknown)
+    return format_option("columns", mapped) + scale_advice(headers, unknown)
 
 
-def mapped_so_far(headers: Sequence[Header]) -> dict[str, str]:
+def current_mapping(headers: Sequence[Header]) -> dict[str, str]:
     """Return what the user maps already, for a proposal to repeat."""
     return {header.text: header.target for header in headers if header.target is not None}
 
 
-def _equals(
+def _find_rivals(
     headers: Sequence[Header],
     best: int,
     name: str,
@@ -125,18 +134,18 @@ def _equals(
     skip: Collection[int],
 ) -> list[int]:
     """Return the other columns whose unit fits a quantity and that look as much like it."""
-    taken = {column for column, _ in found}
-    chosen, score = headers[best], _likeness(headers[best], name)
-    others = [column for column in _free(headers, skip) if column not in taken]
-    if _fits(chosen, name):
-        score -= 0 if _is_doubted(chosen) else _NAMED
-        others = [column for column in others if _fits(headers[column], name)]
+    chosen_columns = {column for column, _ in found}
+    chosen, score = headers[best], _likeness_score(headers[best], name)
+    others = [column for column in _unmapped_columns(headers, skip) if column not in chosen_columns]
+    if _has_matching_unit(chosen, name):
+        score -= 0 if _is_doubted(chosen) else _NAME_SCORE
+        others = [column for column in others if _has_matching_unit(headers[column], name)]
     elif chosen.unit is not None or chosen.stated:
         return []
     return [
         column
         for column in others
-        if _may_be(headers[column], name) and _likeness(headers[column], name) >= score
+        if _can_hold(headers[column], name) and _likeness_score(headers[column], name) >= score
     ]
 
 
@@ -147,11 +156,11 @@ def scale_advice(headers: Sequence[Header], unknown: dict[str, str]) -> str:
     stated = {header.text: f"{header.scale:g}" for header in headers if header.scale is not None}
     words = [word for word in dict.fromkeys(unknown.values()) if word[-1].isalpha() or "_" in word]
     number = "a number" if len(unknown) == 1 else "numbers"
-    text = f" {option('scale', stated | unknown)}"
+    text = f" {format_option('scale', stated | unknown)}"
     return f"{text} with {number} in place of {' and '.join(words)}" if words else text
 
 
-def option(name: str, pairs: dict[str, str]) -> str:
+def format_option(name: str, pairs: dict[str, str]) -> str:
     r"""Return an option of the command line that takes pairs, quoted for a shell.
 
     >>> option("columns", {"Current, coil (A)": "I_A"})
@@ -175,33 +184,33 @@ def quote_name(name: str) -> str:
     return name
 
 
-def likely(
+def find_likely_columns(
     headers: Sequence[Header],
-    wanted: Sequence[Sequence[str]],
+    missing: Sequence[Sequence[str]],
     skip: Collection[int] = (),
-    least: int = -8,
+    min_score: int = -8,
 ) -> list[tuple[int, str]]:
     """Find the likeliest columns for what is missing, as `mapping`: index and quantity."""
-    free = _free(headers, skip)
+    free = _unmapped_columns(headers, skip)
     candidates = []
-    for asked in wanted:
-        is_driven_by_volts = set(asked) >= set(INPUTS) and _is_piezo(headers)
-        names = ("voltage",) if is_driven_by_volts else asked
+    for quantities in missing:
+        is_driven_by_volts = set(quantities) >= set(DRIVE_QUANTITIES) and _is_piezo(headers)
+        names = ("voltage",) if is_driven_by_volts else quantities
         pool = [
-            (_likeness(headers[index], name), index, name)
+            (_likeness_score(headers[index], name), index, name)
             for index in free
             for name in names
-            if _may_be(headers[index], name)
+            if _can_hold(headers[index], name)
         ]
         # Of equals the first: max keeps it.
-        score, best, name = max(pool, key=lambda scored: scored[0], default=(least - 1, 0, ""))
-        if score >= least:
+        score, best, name = max(pool, key=lambda scored: scored[0], default=(min_score - 1, 0, ""))
+        if score >= min_score:
             free.remove(best)
             candidates.append((best, name))
     return candidates
 
 
-def _free(headers: Sequence[Header], skip: Collection[int]) -> list[int]:
+def _unmapped_columns(headers: Sequence[Header], skip: Collection[int]) -> list[int]:
     """Return the columns that nobody understands yet."""
     return [
         column
@@ -222,58 +231,60 @@ def _is_piezo(headers: Sequence[Header]) -> bool:
     return "voltage" in dimensions and is_moved and _ELECTROMAGNETIC.isdisjoint(dimensions | named)
 
 
-def map_one(header: Header, headers: Sequence[Header] = ()) -> str:
+def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
     """Advise how to map a column whose unit is the problem."""
     name = header.quantity.name if header.quantity else ""
     if name in QUANTITIES and header.conflict and all(map(find_unit, header.conflict)):
         targets = [
             f"{QUANTITIES[name].symbol}_{unit.replace('/', '_per_')}" for unit in header.conflict
         ]
-        mapped = mapped_so_far(headers)
-        choices = [option("columns", mapped | {header.text: target}) for target in targets]
+        mapped = current_mapping(headers)
+        choices = [format_option("columns", mapped | {header.text: target}) for target in targets]
         return f"; say which one is true: {' or '.join(choices)}"
     if name in QUANTITIES and header.unit is not None and header.unit.dimension == "number":
         unit = QUANTITIES[name].unit
-        scale = option("scale", {header.text: f"{unit}_PER_PERCENT"})
+        scale = format_option("scale", {header.text: f"{unit}_PER_PERCENT"})
         return (
-            f"; or map it: {option('columns', {header.text: QUANTITIES[name].column})} {scale} with a "
+            f"; or map it: {format_option('columns', {header.text: QUANTITIES[name].column})} {scale} with a "
             f"number in place of {unit}_PER_PERCENT"
         )
-    if name not in QUANTITIES or not (header.unit is None or _may_be(header, name)):
+    if name not in QUANTITIES or not (header.unit is None or _can_hold(header, name)):
         return ""
-    if is_without_unit(header):
+    if has_missing_unit(header):
         # All that have no unit are asked for together: one round instead of four.
-        alike = {other.quantity: other for other in [*without_units(headers), header]}
+        alike = {other.quantity: other for other in [*columns_without_unit(headers), header]}
         names = {other.text: QUANTITIES[kind.name] for kind, other in alike.items() if kind}
         if len(names) > 1:
-            columns = {text: _target(header, quantity.name) for text, quantity in names.items()}
-            columns = mapped_so_far(headers) | columns
-            return f"; or map them in their units: {option('columns', columns)}"
-    return f"; or map it: {map_as(header, name, headers)}"
+            columns = {
+                text: _target_column(header, quantity.name) for text, quantity in names.items()
+            }
+            columns = current_mapping(headers) | columns
+            return f"; or map them in their units: {format_option('columns', columns)}"
+    return f"; or map it: {mapping_option(header, name, headers)}"
 
 
-def is_without_unit(header: Header) -> bool:
+def has_missing_unit(header: Header) -> bool:
     """Whether a column is a known quantity whose unit nobody says."""
     is_open = header.unit is None and not header.stated and header.target is None
     return header.is_known and is_open and "has no unit" in (header.problem or "")
 
 
-def without_units(headers: Sequence[Header]) -> list[Header]:
+def columns_without_unit(headers: Sequence[Header]) -> list[Header]:
     """Return the columns whose units are asked for together."""
-    return [header for header in headers if is_without_unit(header)]
+    return [header for header in headers if has_missing_unit(header)]
 
 
-def map_as(header: Header, name: str, headers: Sequence[Header]) -> str:
+def mapping_option(header: Header, name: str, headers: Sequence[Header]) -> str:
     """Return the option that maps a column to a quantity."""
-    return _pasted([*headers, header], [(len(headers), name)])
+    return _mapping_options([*headers, header], [(len(headers), name)])
 
 
-def choose_one(header: Header, headers: Sequence[Header]) -> str:
+def selection_option(header: Header, headers: Sequence[Header]) -> str:
     """Return the option that makes a column the only one of its quantity."""
-    mapped = mapped_so_far(headers)
+    mapped = current_mapping(headers)
     alike = [other for other in headers if other.quantity == header.quantity]
     certain = {other.text: "" for other in alike if other.is_certain and other is not header}
-    return option("columns", mapped | certain | {header.text: header.name})
+    return format_option("columns", mapped | certain | {header.text: header.name})
 
 
 def needs_scale(header: Header, dimension: str) -> bool:
@@ -283,74 +294,83 @@ def needs_scale(header: Header, dimension: str) -> bool:
     return header.unit is None or header.unit.dimension != dimension
 
 
-def unknown_scale(header: Header, unit: str) -> str:
+def scale_placeholder(header: Header, unit: str) -> str:
     """Return a word for the scale of a column that the user has to know, such as ``N_PER_V``."""
     own = header.unit.symbol if header.unit else header.stated
     words = (re.sub(r"\W+", "_", text).strip("_") for text in (unit, own))
     return "_PER_".join(word or "UNIT" for word in words)
 
 
-def _unknown_scale(header: Header, name: str) -> str:
+def _scale_for_quantity(header: Header, name: str) -> str:
     if is_formula(header.name):
         return undo_formula(header.name)
-    dimension = DIMENSIONS.get(name, name)
+    dimension = QUANTITY_DIMENSIONS.get(name, name)
     is_bare = header.unit is None or header.unit.symbol == "-"
-    if _fits(header, name) or (is_bare and not needs_scale(header, dimension)):
+    if _has_matching_unit(header, name) or (is_bare and not needs_scale(header, dimension)):
         return ""
-    return unknown_scale(header, QUANTITIES[name].unit)
+    return scale_placeholder(header, QUANTITIES[name].unit)
 
 
-def _fits(header: Header, name: str) -> bool:
-    return header.unit is not None and header.unit.dimension == DIMENSIONS.get(name, name)
+def _has_matching_unit(header: Header, name: str) -> bool:
+    return header.unit is not None and header.unit.dimension == QUANTITY_DIMENSIONS.get(name, name)
 
 
-def _may_be(header: Header, name: str) -> bool:
+def _can_hold(header: Header, name: str) -> bool:
     """Whether a column can hold a quantity: its unit fits, is not known, or is that of a sensor."""
-    if not _OTHERS.get(name, set()).isdisjoint(words_of(header.name)):
+    if not _EXCLUDING_WORDS.get(name, set()).isdisjoint(split_words(header.name)):
         return False
     unit = header.unit or find_unit(header.name)
     if unit is not None and unit.symbol != "-":
-        return _fits(header, name) or unit.dimension in {DIMENSIONS.get(name, name), "voltage"}
-    is_named = name in _suggested(header)
+        return _has_matching_unit(header, name) or unit.dimension in {
+            QUANTITY_DIMENSIONS.get(name, name),
+            "voltage",
+        }
+    is_named = name in _suggested_quantities(header)
     first = find_unit(re.split(r"\W", header.stated)[0])  # ampere-turns are amperes to scale
-    is_named = is_named or (first is not None and first.dimension == DIMENSIONS.get(name, name))
+    is_named = is_named or (
+        first is not None and first.dimension == QUANTITY_DIMENSIONS.get(name, name)
+    )
     if has_qualifier(header.name) and not is_named:
         return False
     is_raw = header.stated in {"", "-"} or fold(header.stated) in RAW_UNITS
     return is_raw or (is_named and not re.search(r"[/^*²³]", header.stated))
 
 
-def _suggested(header: Header) -> set[str]:
+def _suggested_quantities(header: Header) -> set[str]:
     """Return the quantities that the name of a column suggests."""
     plain = header.name.lower()
-    like = named_quantities(header.name) | {
+    quantities = named_quantities(header.name) | {
         key
-        for key, words in _HINTS.items()
+        for key, words in _NAME_HINTS.items()
         if any(plain == word if len(word) == 1 else word in plain for word in words)
     }
-    return like if is_drive(header.name) else like - {"voltage"}
+    return quantities if is_drive(header.name) else quantities - {"voltage"}
 
 
-def _likeness(header: Header, name: str) -> int:
+def _likeness_score(header: Header, name: str) -> int:
     """Return how much a column looks like a quantity: by its name, its unit, or what else it is."""
     if header.quantity is not None and header.quantity.name == name:
-        return 2 * _FIT
-    like = _suggested(header)
-    score = _NAMED if name in like else -_NAMED if like else 0
-    score += is_measured(header.name) - _DOUBT * _is_doubted(header)
-    if name in INPUTS and is_sensor(header.name):
-        score -= 2 * _FIT
+        return 2 * _UNIT_SCORE
+    suggested = _suggested_quantities(header)
+    score = _NAME_SCORE if name in suggested else -_NAME_SCORE if suggested else 0
+    score += is_measured(header.name) - _DOUBT_PENALTY * _is_doubted(header)
+    if name in DRIVE_QUANTITIES and is_sensor(header.name):
+        score -= 2 * _UNIT_SCORE
     # Volts may be anything that a sensor gives, as a column without a unit may.
     is_plain = header.unit is not None and header.unit.symbol == "-"
-    if _fits(header, name) and not is_plain and (name != "voltage" or is_drive(header.name)):
-        score += _FIT
+    if (
+        _has_matching_unit(header, name)
+        and not is_plain
+        and (name != "voltage" or is_drive(header.name))
+    ):
+        score += _UNIT_SCORE
     return score
 
 
-def _target(header: Header, name: str) -> str:
+def _target_column(header: Header, name: str) -> str:
     quantity = QUANTITIES[name]
-    if header.unit is not None and _fits(header, name) and quantity.unit != "1":
+    if header.unit is not None and _has_matching_unit(header, name) and quantity.unit != "1":
         return f"{quantity.symbol}_{header.unit.symbol.replace('/', '_per_')}"
-    if _unknown_scale(header, name):
+    if _scale_for_quantity(header, name):
         return quantity.column
     return "gap_mm" if name == "gap" else quantity.column

@@ -11,32 +11,43 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.blocks import find_blocks, stated_gap, with_stated_gaps
-from anhyst.data.distinct import refuse_different_loops
-from anhyst.data.file_names import gap_note, gaps_of_names, refuse_other_gap, with_file_name
+from anhyst.data.blocks import apply_stated_gaps, find_blocks, find_stated_gap
+from anhyst.data.file_names import (
+    add_constants_of_name,
+    describe_name_gaps,
+    find_gaps_in_names,
+    refuse_contradicting_gap,
+)
 from anhyst.data.formats import FORMATS, OpenTable, open_table
-from anhyst.data.formats.channels import Texts, is_number, is_value, to_number
+from anhyst.data.formats.channels import Texts, is_number, is_number_or_mark, parse_number
 from anhyst.data.headers import map_headers
-from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
+from anhyst.data.initial_history import correct_fast_histories, propose_histories
+from anhyst.data.joining import NESTED_LOOPS_NOTE, SourceLoops, add_earlier_loops, join_loops
+from anhyst.data.loop_consistency import refuse_different_loops
 from anhyst.data.loops import Loop, Loops, Source, are_even
-from anhyst.data.output_map import answer_of
-from anhyst.data.path import History, HistoryLike, time_fault
+from anhyst.data.output_map import measured_quantity
+from anhyst.data.path import History, HistoryLike, find_time_reversal
 from anhyst.data.plateaus import find_plateaus, has_loop
 from anhyst.data.roles import (
-    SHORTEST,
+    MIN_LOOP_SAMPLES,
     Roles,
     ask_for_gap,
+    can_be_gap,
+    can_be_label,
     find_column,
     find_label,
     find_roles,
-    may_be_gap,
-    may_label,
 )
 from anhyst.data.sidecar import FileDescription, is_sidecar
-from anhyst.data.start import carry_histories, propose_histories
-from anhyst.data.table import LOOP_SOURCES, check_source, find_clocks, is_frame, table_of
+from anhyst.data.table import (
+    LOOP_SOURCES_TEXT,
+    check_source,
+    find_clocks,
+    frame_to_table,
+    is_data_frame,
+)
 from anhyst.data.used_rows import UsedRows
-from anhyst.data.wide import refuse_wide
+from anhyst.data.wide_tables import refuse_wide_table
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -45,14 +56,14 @@ from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, Quantity, parse
 
 Rows = NDArray[np.intp]
 
-_ANY = Quantity("value", "value", "1")
-_OUTPUTS_OF_GAPS = frozenset({"force", "thrust", "flux_density", "flux_linkage"})
-_DWELL = 6
+_UNKNOWN_QUANTITY = Quantity("value", "value", "1")
+_GAP_DEPENDENT_OUTPUTS = frozenset({"force", "thrust", "flux_density", "flux_linkage"})
+_MIN_MEAN_RUN_SAMPLES = 6
 """Blocks of one scheduling value are loops of their own from this mean length on, in samples."""
-_MOST_LOOPS = 2000
-_MAX_GAP_NOISE = 0.01
+_MAX_LOOPS = 2000
+_MAX_GAP_NOISE_SHARE = 0.01
 """Noise of a gap sensor at contact, which may make some gaps negative: share of the largest gap."""
-_ALONE = "1"
+_DEFAULT_LABEL = "1"
 """Label of a loop that nobody labelled."""
 
 
@@ -67,7 +78,7 @@ class _Columns:
     time: FloatArray | None
     has_times: bool  # whether the clock has a unit; else it says the order of the rows
     labels: Texts
-    where: Callable[[int], str]
+    locate_row: Callable[[int], str]
 
 
 def read_loops(
@@ -127,38 +138,48 @@ def read_loops(
         flip=flip,
         drop=drop,
     )
-    beside = FileDescription.from_toml(sidecar) if sidecar is not None else None
-    check_source(paths, "read_loops: paths", LOOP_SOURCES.removeprefix("Loops, "))
-    if is_frame(paths):
-        reading = description if beside is None else description.over(beside)
-        return join(_with_histories([_read_table(table_of(paths), _ALONE, reading, progress)]))
-    files = _expand(paths)
+    shared_sidecar = FileDescription.from_toml(sidecar) if sidecar is not None else None
+    check_source(paths, "read_loops: paths", LOOP_SOURCES_TEXT.removeprefix("Loops, "))
+    if is_data_frame(paths):
+        file_description = (
+            description if shared_sidecar is None else description.with_defaults(shared_sidecar)
+        )
+        return join_loops(
+            _fill_in_histories(
+                [_read_table(frame_to_table(paths), _DEFAULT_LABEL, file_description, progress)]
+            )
+        )
+    files = _expand_folders(paths)
     described = {
-        path: description.over(beside if beside is not None else _find_sidecar(path))
+        path: description.with_defaults(
+            shared_sidecar if shared_sidecar is not None else _find_sidecar(path)
+        )
         for path in files
     }
-    gaps = _gaps_of_names(described)
+    gaps = _find_name_gaps(described)
     parts = []
     for path in files:
-        reading = with_file_name(path, described[path])
+        file_description = add_constants_of_name(path, described[path])
         if gaps:
-            reading = replace(reading, constants={**reading.constants, "gap_m": gaps[path]})
-        name = _ALONE if len(files) == 1 else path.stem
-        parts.append(_read_table(open_table(path), name, reading, progress))
-        if parts[-1].schedule == QUANTITIES["gap"] and reading.schedule is None:
-            refuse_other_gap(path, [loop.schedule_value for loop in parts[-1].loops])
-    loops = join(_with_histories(with_stated_gaps(parts)))
-    loops = replace(loops, notes=(*_left_out(paths, files), *loops.notes))
+            file_description = replace(
+                file_description, constants={**file_description.constants, "gap_m": gaps[path]}
+            )
+        name = _DEFAULT_LABEL if len(files) == 1 else path.stem
+        parts.append(_read_table(open_table(path), name, file_description, progress))
+        if parts[-1].schedule == QUANTITIES["gap"] and file_description.schedule is None:
+            refuse_contradicting_gap(path, [loop.schedule_value for loop in parts[-1].loops])
+    loops = join_loops(_fill_in_histories(apply_stated_gaps(parts)))
+    loops = replace(loops, notes=(*_note_skipped_files(paths, files), *loops.notes))
     if gaps:
-        return replace(loops, notes=(gap_note(gaps), *loops.notes))
+        return replace(loops, notes=(describe_name_gaps(gaps), *loops.notes))
     if all(one.schedule is None for one in described.values()):
         refuse_different_loops(loops, has_blocks=any(part.has_blocks for part in parts))
     return loops
 
 
-def _gaps_of_names(described: Mapping[Path, FileDescription]) -> dict[Path, float]:
+def _find_name_gaps(described: Mapping[Path, FileDescription]) -> dict[Path, float]:
     """Return the gap of each file by its name, m; empty if the files or the user say another one."""
-    gaps = gaps_of_names(list(described))
+    gaps = find_gaps_in_names(list(described))
     for path in gaps:
         reading = described[path]
         known = {header.quantity for header in map(parse_header, reading.constants)}
@@ -166,30 +187,32 @@ def _gaps_of_names(described: Mapping[Path, FileDescription]) -> dict[Path, floa
             return {}
         headers = map_headers(open_table(path), reading.columns, reading.scale, reading.flip)
         names = {header.quantity.name for header in headers if header.quantity is not None}
-        if "gap" in names or "field" in names or names.isdisjoint(_OUTPUTS_OF_GAPS):
+        if "gap" in names or "field" in names or names.isdisjoint(_GAP_DEPENDENT_OUTPUTS):
             return {}
     return gaps
 
 
-def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None) -> list[Path]:
+def list_input_files(
+    paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None
+) -> list[Path]:
     """Files that `read_loops` reads for these arguments, sidecars included."""
-    files = _expand(paths)
+    files = _expand_folders(paths)
     if sidecar is not None:
         return [*files, Path(sidecar)]
     beside = [path.with_suffix(".toml") for path in files if path.suffix != ".toml"]
     return files + [path for path in beside if is_sidecar(path)]
 
 
-def _listed(paths: PathLike | Sequence[PathLike]) -> list[Path]:
+def _as_path_list(paths: PathLike | Sequence[PathLike]) -> list[Path]:
     listed = [paths] if not isinstance(paths, Sequence) or isinstance(paths, str) else list(paths)
     return list(map(Path, listed))
 
 
-def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
+def _expand_folders(paths: PathLike | Sequence[PathLike]) -> list[Path]:
     files: list[Path] = []
-    for path in _listed(paths):
+    for path in _as_path_list(paths):
         if path.is_dir():
-            data_files = [file for file in _files_in(path) if _may_be_table(file)]
+            data_files = [file for file in _data_files_in(path) if _may_be_table(file)]
             if not data_files:
                 raise InputError(
                     f"{path}: this folder holds no {', '.join(FORMATS)} file", code="no-files"
@@ -202,7 +225,7 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
     return files
 
 
-def _files_in(folder: Path) -> list[Path]:
+def _data_files_in(folder: Path) -> list[Path]:
     return sorted(file for file in folder.iterdir() if file.suffix.lower() in FORMATS)
 
 
@@ -211,16 +234,18 @@ def _may_be_table(path: Path) -> bool:
     if path.suffix.lower() != ".txt":
         return True
     try:
-        rows = open_table(path).first_rows(SHORTEST)
+        rows = open_table(path).first_rows(MIN_LOOP_SAMPLES)
     except InputError as error:
         return error.code not in {"single-column", "no-table", "no-data", "empty-file"}
-    return any(is_value(field) for row in rows for field in row)
+    return any(is_number_or_mark(field) for row in rows for field in row)
 
 
-def _left_out(paths: PathLike | Sequence[PathLike], files: Sequence[Path]) -> tuple[str, ...]:
+def _note_skipped_files(
+    paths: PathLike | Sequence[PathLike], files: Sequence[Path]
+) -> tuple[str, ...]:
     """Name the texts in folders that are no tables."""
-    folders = [path for path in _listed(paths) if path.is_dir()]
-    texts = [file for folder in folders for file in _files_in(folder) if file not in files]
+    folders = [path for path in _as_path_list(paths) if path.is_dir()]
+    texts = [file for folder in folders for file in _data_files_in(folder) if file not in files]
     return tuple(f"{text}: is left out, because it holds no table" for text in texts)
 
 
@@ -232,56 +257,83 @@ def _find_sidecar(path: Path) -> FileDescription:
 
 def _read_table(
     table: OpenTable, name: str, description: FileDescription, progress: Progress | None
-) -> LoopPart:
+) -> SourceLoops:
     """Read a table; ``name`` labels its loop where the table has no label of its own."""
     source_name = table.source_name
     headers = map_headers(table, description.columns, description.scale, description.flip)
-    refuse_wide(source_name, headers)
+    refuse_wide_table(source_name, headers)
     _refuse_one_channel(source_name, headers)
-    head = table.first_rows(SHORTEST)
-    words = [index for row in head[:1] for index, field in enumerate(row) if not is_value(field)]
-    others = [index for index in range(len(headers)) if index not in words]
-    roles = find_roles(source_name, headers, description, words, lambda: find_clocks(table, others))
-    parts = (roles.input, roles.output, roles.time, roles.schedule)
-    chosen = {name: find_column(source_name, headers, name) for name in description.select}
-    unlabelled = roles.idle if roles.label is None and roles.fixed_label is None else ()
-    firsts = {index: [row[index] for row in head] for index in unlabelled}
-    asked = [index for index, first in firsts.items() if may_label(headers[index], first)]
-    texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
-    raw = table.read([index for index in parts if index is not None], sorted(texts), progress)
-    keep = _selection(source_name, description, {name: raw.texts[i] for name, i in chosen.items()})
-    used, remarks = UsedRows(table, headers, raw, keep).with_valid(
+    first_rows = table.first_rows(MIN_LOOP_SAMPLES)
+    text_columns = [
+        index
+        for row in first_rows[:1]
+        for index, field in enumerate(row)
+        if not is_number_or_mark(field)
+    ]
+    number_columns = [index for index in range(len(headers)) if index not in text_columns]
+    roles = find_roles(
+        source_name, headers, description, text_columns, lambda: find_clocks(table, number_columns)
+    )
+    role_columns = (roles.input, roles.output, roles.time, roles.schedule)
+    selection_columns = {
+        name: find_column(source_name, headers, name) for name in description.select
+    }
+    unlabelled = roles.unused if roles.label is None and roles.constant_label is None else ()
+    first_fields = {index: [row[index] for row in first_rows] for index in unlabelled}
+    label_candidates = [
+        index for index, first in first_fields.items() if can_be_label(headers[index], first)
+    ]
+    text_indices = {
+        *selection_columns.values(),
+        *label_candidates,
+        *(() if roles.label is None else (roles.label,)),
+    }
+    raw = table.read(
+        [index for index in role_columns if index is not None], sorted(text_indices), progress
+    )
+    selected_rows = _select_rows(
+        source_name, description, {name: raw.texts[i] for name, i in selection_columns.items()}
+    )
+    used, remarks = UsedRows(table, headers, raw, selected_rows).drop_invalid(
         description.drop, (roles.input, roles.output)
     )
-    _refuse_hidden_gaps(used, roles, words)
-    used, schedule, found = _scheduled(used, roles)
-    drive, answer = used.si(roles.input), used.si(roles.output)
-    candidates = {index: used.texts(index) for index in asked}
+    _ask_about_hidden_gap(used, roles, text_columns)
+    used, schedule, schedule_notes = _read_schedule(used, roles)
+    drive, answer = used.si_values(roles.input), used.si_values(roles.output)
+    candidates = {index: used.texts(index) for index in label_candidates}
     label = find_label(source_name, headers, candidates, drive, answer, schedule)
     if label is not None:
-        idle = tuple(index for index in roles.idle if index != label)
-        roles = replace(roles, label=label, idle=idle, label_found=True)
-    takes_gap = _takes_gap(headers, roles, description)
+        unused = tuple(index for index in roles.unused if index != label)
+        roles = replace(roles, label=label, unused=unused, is_label_inferred=True)
+    can_use_gap = _can_use_stated_gap(headers, roles, description)
     blocks = None
-    if roles.label is None and roles.fixed_label is None and roles.schedule is None:
-        own = "" if name == _ALONE else name
-        blocks = find_blocks(source_name, used.breaks(), drive, has_gaps=takes_gap, name=own)
+    if roles.label is None and roles.constant_label is None and roles.schedule is None:
+        block_name = "" if name == _DEFAULT_LABEL else name
+        blocks = find_blocks(
+            source_name, used.breaks(), drive, has_gaps=can_use_gap, name=block_name
+        )
     if blocks is not None:
-        found = [*found, blocks.note]
+        schedule_notes = [*schedule_notes, blocks.note]
         if blocks.gaps is not None:
-            schedule, roles = blocks.gaps, replace(roles, quantity=QUANTITIES["gap"])
-    labels = _labels(used, roles, name, drive.size) if blocks is None else blocks.labels
+            schedule, roles = blocks.gaps, replace(roles, schedule_quantity=QUANTITIES["gap"])
+    labels = _row_labels(used, roles, name, drive.size) if blocks is None else blocks.labels
     has_times = roles.time is not None and headers[roles.time].unit is not None
-    time = None if roles.time is None else used.si(roles.time)
-    columns = _Columns(source_name, drive, answer, schedule, time, has_times, labels, used.where)
+    time = None if roles.time is None else used.si_values(roles.time)
+    columns = _Columns(
+        source_name, drive, answer, schedule, time, has_times, labels, used.locate_row
+    )
     source = Source(source_name, raw.sha256, dict(description.columns)) if raw.sha256 else None
-    part = _cut(columns, headers, roles, description, source, [*raw.notes, *remarks, *found])
-    heads = raw.breaks[0][1] if raw.breaks else raw.notes
-    stated = stated_gap(heads) if takes_gap and roles.quantity is None else None
-    return replace(part, has_blocks=blocks is not None, stated_gap=stated)
+    part = _cut_into_loops(
+        columns, headers, roles, description, source, [*raw.notes, *remarks, *schedule_notes]
+    )
+    remarks_above = raw.breaks[0][1] if raw.breaks else raw.notes
+    gap_above = (
+        find_stated_gap(remarks_above) if can_use_gap and roles.schedule_quantity is None else None
+    )
+    return replace(part, has_blocks=blocks is not None, stated_gap=gap_above)
 
 
-def _labels(used: UsedRows, roles: Roles, name: str, count: int) -> Texts:
+def _row_labels(used: UsedRows, roles: Roles, name: str, count: int) -> Texts:
     """Return the label of the loop of each row.
 
     Unlabelled files at different gaps hold "the" loop each. Without gaps, only the name of the file
@@ -289,8 +341,8 @@ def _labels(used: UsedRows, roles: Roles, name: str, count: int) -> Texts:
     """
     if roles.label is not None:
         return used.texts(roles.label)
-    own = _ALONE if roles.quantity is not None else name
-    return Texts((roles.fixed_label or own,), np.zeros(count, np.int32))
+    own = _DEFAULT_LABEL if roles.schedule_quantity is not None else name
+    return Texts((roles.constant_label or own,), np.zeros(count, np.int32))
 
 
 def _refuse_one_channel(source_name: str, headers: Sequence[Header]) -> None:
@@ -306,62 +358,68 @@ def _refuse_one_channel(source_name: str, headers: Sequence[Header]) -> None:
         )
 
 
-def _takes_gap(headers: Sequence[Header], roles: Roles, description: FileDescription) -> bool:
+def _can_use_stated_gap(
+    headers: Sequence[Header], roles: Roles, description: FileDescription
+) -> bool:
     """Whether a gap that remarks state would be the scheduling variable."""
     drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
     return (
-        roles.quantity is None
+        roles.schedule_quantity is None
         and description.schedule in (None, "gap")
         and answer is not None
-        and answer.name in _OUTPUTS_OF_GAPS
+        and answer.name in _GAP_DEPENDENT_OUTPUTS
         and drive != QUANTITIES["field"]
     )
 
 
-def _scheduled(used: UsedRows, roles: Roles) -> tuple[UsedRows, FloatArray | None, list[str]]:
+def _read_schedule(used: UsedRows, roles: Roles) -> tuple[UsedRows, FloatArray | None, list[str]]:
     """Return the scheduling variable in SI units; rows between its plateaus are left out."""
-    drive = used.si(roles.input)
-    if roles.fixed is not None:
-        return used, np.full(drive.size, roles.fixed), []
-    if roles.schedule is None or roles.quantity is None:
+    drive = used.si_values(roles.input)
+    if roles.schedule_constant is not None:
+        return used, np.full(drive.size, roles.schedule_constant), []
+    if roles.schedule is None or roles.schedule_quantity is None:
         return used, None, []
-    schedule = used.si(roles.schedule)
-    below = np.flatnonzero(schedule < -_MAX_GAP_NOISE * float(np.max(schedule)))
-    if roles.quantity == QUANTITIES["gap"] and below.size:
-        row = int(below[0])
+    schedule = used.si_values(roles.schedule)
+    negative_rows = np.flatnonzero(schedule < -_MAX_GAP_NOISE_SHARE * float(np.max(schedule)))
+    if roles.schedule_quantity == QUANTITIES["gap"] and negative_rows.size:
+        row = int(negative_rows[0])
         raise InputError(
-            f"{used.where(row)}: negative gap {schedule[row]:g} m; {GAP_ADVICE}",
+            f"{used.locate_row(row)}: negative gap {schedule[row]:g} m; {GAP_ADVICE}",
             code="negative-gap",
             key="gap_m",
         )
-    plateaus = find_plateaus(schedule, drive, roles.quantity)
+    plateaus = find_plateaus(schedule, drive, roles.schedule_quantity)
     if plateaus is None:
         return used, schedule, []
-    return used.at(plateaus.rows), plateaus.values, [plateaus.note]
+    return used.select(plateaus.rows), plateaus.values, [plateaus.note]
 
 
-def _refuse_hidden_gaps(used: UsedRows, roles: Roles, texts: Sequence[int]) -> None:
+def _ask_about_hidden_gap(used: UsedRows, roles: Roles, text_columns: Sequence[int]) -> None:
     """Ask about a column that nobody uses and that rests at several values, as a gap does."""
-    output, drive = used.headers[roles.output].quantity, used.si(roles.input)
-    if roles.quantity is not None or roles.chosen or roles.label is not None:
+    output, drive = used.headers[roles.output].quantity, used.si_values(roles.input)
+    if (
+        roles.schedule_quantity is not None
+        or roles.is_schedule_requested
+        or roles.label is not None
+    ):
         return
-    if output is None or output.name not in _OUTPUTS_OF_GAPS:
+    if output is None or output.name not in _GAP_DEPENDENT_OUTPUTS:
         return
-    for index in roles.idle:
+    for index in roles.unused:
         header = used.headers[index]
-        if index in texts or header.target is not None or not may_be_gap(header):
+        if index in text_columns or header.target is not None or not can_be_gap(header):
             continue
         try:
             column = used.table.read([index]).numbers[index]
         except InputError:
             continue  # a column that nobody asked for may hold anything
         values = column if used.rows is None else column[used.rows]
-        if not np.isfinite(values).all() or find_plateaus(values, drive, _ANY) is None:
+        if not np.isfinite(values).all() or find_plateaus(values, drive, _UNKNOWN_QUANTITY) is None:
             continue
         ask_for_gap(used.table.source_name, header, used.headers)
 
 
-def _selection(
+def _select_rows(
     source_name: str, description: FileDescription, columns: dict[str, Texts]
 ) -> Rows | None:
     """Rows whose columns hold one of the selected values; ``None`` for all."""
@@ -370,60 +428,70 @@ def _selection(
     matches = []
     for name, column in columns.items():
         choices = description.select[name]
-        are_chosen = [any(_same(text, value) for value in choices) for text in column.values]
+        are_chosen = [
+            any(_is_same_value(text, value) for value in choices) for text in column.values
+        ]
         matches.append(np.isin(column.codes, np.flatnonzero(are_chosen)))
     rows = np.flatnonzero(np.logical_and.reduce(matches))
     if rows.size == 0:
-        asked = ", ".join(f"{name} = {list(values)}" for name, values in description.select.items())
+        selection_text = ", ".join(
+            f"{name} = {list(values)}" for name, values in description.select.items()
+        )
         raise InputError(
-            f"{source_name}: no row has {asked}; correct the selection", code="selection-empty"
+            f"{source_name}: no row has {selection_text}; correct the selection",
+            code="selection-empty",
         )
     return rows
 
 
-def _same(text: str, value: str | float) -> bool:
+def _is_same_value(text: str, value: str | float) -> bool:
     """Whether a field holds a selected value: the same text, or the same number."""
     if text == value:
         return True
     if not is_number(text) or not is_number(str(value)):
         return False
-    return to_number(text) == to_number(str(value))
+    return parse_number(text) == parse_number(str(value))
 
 
-def _cut(
+def _cut_into_loops(
     columns: _Columns,
     headers: Sequence[Header],
     roles: Roles,
     description: FileDescription,
     source: Source | None,
     notes: Sequence[str],
-) -> LoopPart:
+) -> SourceLoops:
     """Cut the columns of one source into loops, by label and scheduling value."""
     drive, answer = headers[roles.input].quantity, headers[roles.output].quantity
     assert drive is not None
     assert answer is not None
-    answer = answer_of(drive, answer)
-    quantity, remarks = roles.quantity, [*roles.notes(headers), *notes]
-    blocks = _blocks(columns)
-    moving = columns.schedule is not None and any(
+    answer = measured_quantity(drive, answer)
+    quantity, remarks = roles.schedule_quantity, [*roles.notes(headers), *notes]
+    blocks = _group_rows(columns)
+    is_moving = columns.schedule is not None and any(
         np.ptp(columns.schedule[rows]) != 0.0 for rows in blocks
     )
-    if moving and quantity is not None and not roles.chosen and quantity.name != "gap":
+    if (
+        is_moving
+        and quantity is not None
+        and not roles.is_schedule_requested
+        and quantity.name != "gap"
+    ):
         remarks.append(f"{quantity.name} varies within a loop: not scheduled by unless asked for")
         columns, quantity = replace(columns, schedule=None), None
-        blocks = _blocks(columns)
-    loops, unstated = [], []
-    seen: Counter[tuple[str, float | None]] = Counter()
+        blocks = _group_rows(columns)
+    loops, without_history = [], []
+    label_counts: Counter[tuple[str, float | None]] = Counter()
     for index, rows in enumerate(blocks):
-        loop = _loop(columns, rows)
-        seen[loop.label, loop.schedule_value] += 1
-        if loop.schedule_value is not None and seen[loop.label, loop.schedule_value] > 1:
-            count = seen[loop.label, loop.schedule_value]
+        loop = _make_loop(columns, rows)
+        label_counts[loop.label, loop.schedule_value] += 1
+        if loop.schedule_value is not None and label_counts[loop.label, loop.schedule_value] > 1:
+            count = label_counts[loop.label, loop.schedule_value]
             loop = replace(loop, label=f"{loop.label}-{count}")  # the same gap once more
         stated: History | None = description.histories.get(loop.label, description.history)
         loops.append(loop if stated is None else replace(loop, history=stated))
-        unstated += [index] if stated is None else []
-    return LoopPart(
+        without_history += [index] if stated is None else []
+    return SourceLoops(
         columns.source_name,
         tuple(loops),
         drive,
@@ -431,53 +499,55 @@ def _cut(
         quantity,
         source,
         tuple(f"{columns.source_name}: {text}" for text in remarks),
-        frozenset(unstated),
-        labelled=roles.label is not None or roles.fixed_label is not None,
+        frozenset(without_history),
+        is_labelled=roles.label is not None or roles.constant_label is not None,
     )
 
 
-def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
+def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
     """Fill in histories that were not stated with those that the data suggest, and note it."""
     loops = [loop for part in parts for loop in part.loops]
-    is_open = [index in part.open for part in parts for index in range(len(part.loops))]
-    unknown = [loop for loop, is_unknown in zip(loops, is_open, strict=True) if is_unknown]
-    own = iter(propose_histories(unknown, even=are_even(unknown, parts[0].output)))
-    known = [
-        next(own) if is_unknown else (loop.history, "stated")
-        for loop, is_unknown in zip(loops, is_open, strict=True)
+    is_unstated = [
+        index in part.without_history for part in parts for index in range(len(part.loops))
     ]
-    carried = zip(carry_histories(loops, known), is_open, strict=True)
+    unknown = [loop for loop, is_unknown in zip(loops, is_unstated, strict=True) if is_unknown]
+    proposed = iter(propose_histories(unknown, even=are_even(unknown, parts[0].output)))
+    initial = [
+        next(proposed) if is_unknown else (loop.history, "stated")
+        for loop, is_unknown in zip(loops, is_unstated, strict=True)
+    ]
+    carried = zip(correct_fast_histories(loops, initial), is_unstated, strict=True)
     proposals = (proposal for proposal, is_unknown in carried if is_unknown)
     completed = []
     for part in parts:
-        judged, notes = list(part.loops), list(part.notes)
-        for index in sorted(part.open):
-            loop = judged[index]
+        part_loops, notes = list(part.loops), list(part.notes)
+        for index in sorted(part.without_history):
+            loop = part_loops[index]
             history, reason = next(proposals)
-            judged[index] = replace(loop, history=history)
+            part_loops[index] = replace(loop, history=history)
             value = loop.schedule_value
             at = f" at {part.schedule.show(value)}" if part.schedule and value is not None else ""
             notes.append(
                 f"{part.source_name}: history of loop '{loop.label}'{at} taken as {history}: {reason}"
             )
         is_gap = part.schedule is not None and part.schedule.name == "gap"
-        ordered = one_after_another(judged, over_gaps=is_gap)
+        ordered = add_earlier_loops(part_loops, across_gaps=is_gap)
         if any(loop.history.kind == "settled" and loop.history.turning_points for loop in ordered):
-            notes.append(f"{part.source_name}: {IN_ONE_RUN}")
+            notes.append(f"{part.source_name}: {NESTED_LOOPS_NOTE}")
         completed.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))
     return completed
 
 
-def _blocks(columns: _Columns) -> list[Rows]:
+def _group_rows(columns: _Columns) -> list[Rows]:
     blocks: list[Rows] = []
-    for rows in columns.labels.groups():
+    for rows in columns.labels.rows_by_text():
         if columns.schedule is None:
             blocks.append(rows)
         else:
-            blocks += _by_value(columns, columns.schedule[rows], rows)
-        if len(blocks) > _MOST_LOOPS:
+            blocks += _split_by_schedule(columns, columns.schedule[rows], rows)
+        if len(blocks) > _MAX_LOOPS:
             raise InputError(
-                f"{columns.source_name}: holds more than {_MOST_LOOPS} loops; is the column 'loop' a "
+                f"{columns.source_name}: holds more than {_MAX_LOOPS} loops; is the column 'loop' a "
                 "counter of rows? Leave it out: map it to ''",
                 code="too-many-loops",
                 key="loop",
@@ -485,63 +555,63 @@ def _blocks(columns: _Columns) -> list[Rows]:
     return blocks
 
 
-def _by_value(columns: _Columns, values: FloatArray, rows: Rows) -> list[Rows]:
+def _split_by_schedule(columns: _Columns, values: FloatArray, rows: Rows) -> list[Rows]:
     """Cut rows of one label where the scheduling value steps; a value that moves stays whole."""
     steps = np.flatnonzero(np.diff(values) != 0.0) + 1
-    runs = steps.size + 1
-    if runs == 1:
+    run_count = steps.size + 1
+    if run_count == 1:
         return [rows]
     # Where other rows lie between, or time starts again, the record was interrupted anyway.
-    cut = rows[steps] - rows[steps - 1] > 1
+    is_interrupted = rows[steps] - rows[steps - 1] > 1
     if columns.time is not None:
-        cut |= columns.time[rows[steps]] < columns.time[rows[steps - 1]]
-    if not cut.all() and rows.size < _DWELL * runs:
+        is_interrupted |= columns.time[rows[steps]] < columns.time[rows[steps - 1]]
+    if not is_interrupted.all() and rows.size < _MIN_MEAN_RUN_SAMPLES * run_count:
         return [rows]
     parts = np.split(rows, steps)
-    if runs == np.unique(values[np.concatenate(([0], steps))]).size:
+    if run_count == np.unique(values[np.concatenate(([0], steps))]).size:
         return parts
-    if columns.time is not None and time_fault(columns.time[rows]) is None:
+    if columns.time is not None and find_time_reversal(columns.time[rows]) is None:
         # A record in time through which the value steps to and fro, or one that returns to a gap.
         return parts if all(has_loop(columns.input, part) for part in parts) else [rows]
-    seen: dict[float, int] = {}
+    first_row_of_value: dict[float, int] = {}
     for start in [0, *steps.tolist()]:
         value = float(values[start])
-        if value in seen:
+        if value in first_row_of_value:
             raise InputError(
-                f"{columns.where(int(rows[start]))}: the value {value:g} comes again after others "
-                f"(first in the row of {columns.where(seen[value])}); tell the loops apart by a "
+                f"{columns.locate_row(int(rows[start]))}: the value {value:g} comes again after others "
+                f"(first in the row of {columns.locate_row(first_row_of_value[value])}); tell the loops apart by a "
                 "column 'loop'",
                 code="value-again",
                 key="loop",
             )
-        seen[value] = int(rows[start])
+        first_row_of_value[value] = int(rows[start])
     return [rows]
 
 
-def _loop(columns: _Columns, rows: Rows) -> Loop:
+def _make_loop(columns: _Columns, rows: Rows) -> Loop:
     """Make one loop, without its history."""
     label = columns.labels.values[columns.labels.codes[rows[0]]]
 
     start, stop = int(rows[0]), int(rows[-1]) + 1
     # Rows in one piece are a view: long records are not copied.
-    places = slice(start, stop) if stop - start == rows.size else rows
+    index = slice(start, stop) if stop - start == rows.size else rows
 
-    def part(values: FloatArray) -> FloatArray:
-        taken = values[places]
-        taken.flags.writeable = False
-        return taken
+    def select(values: FloatArray) -> FloatArray:
+        selected = values[index]
+        selected.flags.writeable = False
+        return selected
 
-    time = None if columns.time is None else part(columns.time)
-    schedule = None if columns.schedule is None else part(columns.schedule)
-    if time is not None and (back := time_fault(time)) is not None:
+    time = None if columns.time is None else select(columns.time)
+    schedule = None if columns.schedule is None else select(columns.schedule)
+    if time is not None and (fault_row := find_time_reversal(time)) is not None:
         raise InputError(
-            f"{columns.where(int(rows[back]))}: time going backwards ({time[back]:g} s after "
-            f"{time[back - 1]:g} s); sort the rows, or tell loops apart by a column 'loop'",
+            f"{columns.locate_row(int(rows[fault_row]))}: time going backwards ({time[fault_row]:g} s after "
+            f"{time[fault_row - 1]:g} s); sort the rows, or tell loops apart by a column 'loop'",
             code="time-backwards",
         )
     time = time if columns.has_times else None
-    drive, answer = part(columns.input), part(columns.output)
+    drive, answer = select(columns.input), select(columns.output)
     try:
         return Loop(label, drive, answer, schedule, time, source=columns.source_name)
     except InputError as error:
-        raise error.at(columns.source_name) from None
+        raise error.with_location(columns.source_name) from None

@@ -14,55 +14,55 @@ import numpy as np
 
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import full_scale
-from anhyst.data.static_fit import EvenRecord, even_record, static_rms
+from anhyst.data.static_fit import EvenRecord, resample_evenly, static_fit_rms
 from anhyst.support.numeric import FloatArray
 
-MIN_MISFIT = 0.02
+MIN_STATIC_RMS_SHARE = 0.02
 """Smallest rms that static curves leave, in parts of the full scale, with which a search is made."""
-MAX_RATIO = 0.6
+MAX_RMS_RATIO = 0.6
 """Largest rms of a resonance in parts of what static curves leave."""
 MAX_DAMPING = 0.25
 """Largest damping ratio that is called a resonance."""
 MIN_DAMPING = 5e-4
 """Smallest damping ratio of a body; mains hum has less."""
-SINE = 0.997
+MIN_SINE_POWER_SHARE = 0.997
 """Smallest power share of one frequency in a sine; a triangle has 0.986."""
-MIN_FORCED = 0.3
+MIN_FORCED_SHARE = 0.3
 """Smallest part of the output near a resonance that the input excites, as an amplitude."""
-_NEAR = 0.2
+_LINE_WIDTH_SHARE = 0.2
 _MAX_LOOPS = 3
-_WINDOW = 8192
+_MAX_WINDOW_SAMPLES = 8192
 """Largest number of samples that are analysed at one sampling rate."""
 _MIN_SAMPLES = 128
-_BAND = 0.4
+_MAX_FREQUENCY_SHARE = 0.4
 """Upper limit of the analysed frequencies, in parts of the sampling rate."""
-_ITERATIONS = 12
+_MAX_ITERATIONS = 12
 
 
 def find_resonance(loopset: Loops) -> float | None:
     """Return the frequency of the resonance that dominates the output, Hz; None without one."""
     scale = full_scale(loopset.output, (loop.output for loop in loopset.loops))
     misfits = [
-        (static_rms(loop.input, loop.output, plays=False), loop)
+        (static_fit_rms(loop.input, loop.output, with_plays=False), loop)
         for loop in loopset.loops
         if loop.time is not None and loop.n >= _MIN_SAMPLES
     ]
     for misfit, loop in sorted(misfits, key=lambda each: -each[0])[:_MAX_LOOPS]:
-        if misfit < MIN_MISFIT * scale:
+        if misfit < MIN_STATIC_RMS_SHARE * scale:
             break
-        for record in _records(loop):
+        for record in _resampled_records(loop):
             frequency = _propose_frequency(record)
-            found = None if frequency is None else _fit_resonance(record, frequency)
-            if found is None:
+            fit = None if frequency is None else _fit_resonance(record, frequency)
+            if fit is None:
                 continue
-            resonance_hz, rms = found
-            static = static_rms(record.drive, record.output)
-            if static > MIN_MISFIT * scale and rms < MAX_RATIO * static:
+            resonance_hz, rms = fit
+            static = static_fit_rms(record.drive, record.output)
+            if static > MIN_STATIC_RMS_SHARE * scale and rms < MAX_RMS_RATIO * static:
                 return resonance_hz
     return None
 
 
-def resonance_line(loopset: Loops) -> str:
+def describe_resonance(loopset: Loops) -> str:
     """Return the sentence about a resonance; empty without one."""
     frequency = find_resonance(loopset)
     if frequency is None:
@@ -70,13 +70,13 @@ def resonance_line(loopset: Loops) -> str:
     return f"the output resonates near {frequency:.3g} Hz; measure more slowly"
 
 
-def _records(loop: Loop) -> Iterator[EvenRecord]:
+def _resampled_records(loop: Loop) -> Iterator[EvenRecord]:
     """Yield a loop at its own sampling rate, and at halves of it."""
-    record = even_record(loop)
-    if record is None or _is_sine(record.at_most(_WINDOW).drive):
+    record = resample_evenly(loop)
+    if record is None or _is_sine(record.limited_to(_MAX_WINDOW_SAMPLES).drive):
         return
     while record.drive.size >= _MIN_SAMPLES:
-        yield record.first(_WINDOW)
+        yield record.first_samples(_MAX_WINDOW_SAMPLES)
         record = record.averaged(2)
 
 
@@ -85,8 +85,10 @@ def _is_sine(drive: FloatArray) -> bool:
     window = np.hanning(drive.size)
     power = np.abs(np.fft.rfft(window * (drive - np.average(drive, weights=window)))) ** 2
     line = int(np.argmax(power))
-    near = slice(max(int((1.0 - _NEAR) * line) - 2, 0), int((1.0 + _NEAR) * line) + 4)
-    return float(np.sum(power[near])) > SINE * float(np.sum(power))
+    near = slice(
+        max(int((1.0 - _LINE_WIDTH_SHARE) * line) - 2, 0), int((1.0 + _LINE_WIDTH_SHARE) * line) + 4
+    )
+    return float(np.sum(power[near])) > MIN_SINE_POWER_SHARE * float(np.sum(power))
 
 
 def _propose_frequency(record: EvenRecord) -> float | None:
@@ -98,43 +100,47 @@ def _propose_frequency(record: EvenRecord) -> float | None:
         return None
     log = np.log(poles[0])
     cycles = abs(log.imag) / (2.0 * np.pi)
-    is_swinging = -log.real < abs(log.imag) and 0.02 < cycles < 0.9 * _BAND
+    is_swinging = -log.real < abs(log.imag) and 0.02 < cycles < 0.9 * _MAX_FREQUENCY_SHARE
     return float(cycles / record.step) if is_swinging else None
 
 
 def _fit_resonance(record: EvenRecord, start_hz: float) -> tuple[float, float] | None:
     """Return frequency, Hz, and rms of the remaining output; None if there is no resonance."""
     count = record.drive.size
-    used = np.fft.rfftfreq(count, record.step)
-    inside = slice(1, max(int(_BAND * count), 8))
-    s = 1j * used[inside] / start_hz
-    u, y = (np.fft.rfft(each)[inside] / count for each in (record.drive, record.output))
+    frequencies = np.fft.rfftfreq(count, record.step)
+    band = slice(1, max(int(_MAX_FREQUENCY_SHARE * count), 8))
+    s = 1j * frequencies[band] / start_hz
+    u, y = (np.fft.rfft(each)[band] / count for each in (record.drive, record.output))
     numerator = np.column_stack([u, s * u, s**2 * u, np.ones_like(s), s, s**2])
     columns = np.column_stack([-y, -s * y, numerator])
-    found: tuple[float, ...] = (1.0, 0.1)
-    for _ in range(_ITERATIONS):
-        weight = 1.0 / (s**2 + found[1] * s + found[0])
+    denominator: tuple[float, ...] = (1.0, 0.1)
+    for _ in range(_MAX_ITERATIONS):
+        weight = 1.0 / (s**2 + denominator[1] * s + denominator[0])
         terms, target = columns * weight[:, None], s**2 * y * weight
         rows = np.concatenate([terms.real, terms.imag])
-        sizes = np.sqrt(np.einsum("nk,nk->k", rows, rows)) + 1e-300
-        shares = (
-            np.linalg.lstsq(rows / sizes, np.concatenate([target.real, target.imag]))[0] / sizes
+        column_norms = np.sqrt(np.einsum("nk,nk->k", rows, rows)) + 1e-300
+        coefficients = (
+            np.linalg.lstsq(rows / column_norms, np.concatenate([target.real, target.imag]))[0]
+            / column_norms
         )
-        previous, found = found, tuple(shares[:2].tolist())
-        if found[0] <= 0.0 or found[1] <= 0.0:
+        previous, denominator = denominator, tuple(coefficients[:2].tolist())
+        if denominator[0] <= 0.0 or denominator[1] <= 0.0:
             return None
-        if abs(found[0] / previous[0] - 1.0) + abs(found[1] - previous[1]) < 1e-6:
+        if abs(denominator[0] / previous[0] - 1.0) + abs(denominator[1] - previous[1]) < 1e-6:
             break
-    own = found[0] ** 0.5
-    damping, frequency = 0.5 * found[1] / own, own * start_hz
-    slowest = 3.0 / (count * record.step)
-    if not MIN_DAMPING < damping < MAX_DAMPING or not slowest < frequency < _BAND / record.step:
+    relative_frequency = denominator[0] ** 0.5
+    damping, frequency = 0.5 * denominator[1] / relative_frequency, relative_frequency * start_hz
+    min_frequency_hz = 3.0 / (count * record.step)
+    if (
+        not MIN_DAMPING < damping < MAX_DAMPING
+        or not min_frequency_hz < frequency < _MAX_FREQUENCY_SHARE / record.step
+    ):
         return None
-    weight = 1.0 / (s**2 + found[1] * s + found[0])
+    weight = 1.0 / (s**2 + denominator[1] * s + denominator[0])
     # A harmonic of a curved output swings as well, but the input has nothing at its frequency.
-    near = np.abs(s.imag / own - 1.0) < _NEAR
-    forced = weight[near] * (numerator[near, :3] @ shares[2:5])
-    if np.linalg.norm(forced) < MIN_FORCED * np.linalg.norm(y[near]):
+    is_near = np.abs(s.imag / relative_frequency - 1.0) < _LINE_WIDTH_SHARE
+    forced = weight[is_near] * (numerator[is_near, :3] @ coefficients[2:5])
+    if np.linalg.norm(forced) < MIN_FORCED_SHARE * np.linalg.norm(y[is_near]):
         return None
-    left = y - weight * (numerator @ shares[2:])
-    return frequency, float(np.sqrt(2.0 * np.sum(np.abs(left) ** 2)))
+    residual = y - weight * (numerator @ coefficients[2:])
+    return frequency, float(np.sqrt(2.0 * np.sum(np.abs(residual) ** 2)))

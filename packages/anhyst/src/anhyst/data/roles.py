@@ -13,23 +13,30 @@ from anhyst.data.formats.channels import Texts, is_number
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import reversal_count
 from anhyst.data.proposals import (
-    choose_one,
-    is_without_unit,
-    map_as,
-    map_one,
-    mapped_so_far,
-    mapping,
-    option,
-    without_units,
+    advise_mapping,
+    advise_unit_mapping,
+    columns_without_unit,
+    current_mapping,
+    format_option,
+    has_missing_unit,
+    mapping_option,
+    selection_option,
 )
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import INPUTS, QUANTITIES, WEIGHTS, Header, Quantity, parse_header
-from anhyst.support.vocabulary import named_quantities, words_of
+from anhyst.support.units import (
+    DRIVE_QUANTITIES,
+    MASS_UNITS,
+    QUANTITIES,
+    Header,
+    Quantity,
+    parse_header,
+)
+from anhyst.support.vocabulary import named_quantities, split_words
 
 _NO_SCHEDULE = "none"
-_MOVED = frozenset({"displacement", "strain", "magnetostriction"})
+_MOTION_OUTPUTS = frozenset({"displacement", "strain", "magnetostriction"})
 _INPUT_EXAMPLES = "'I_A', 'H_A_per_m' or 'u_V'"
 _OUTPUT_EXAMPLES = "'F_N', 'B_T', 'psi_Wb' or 'x_m'"
 
@@ -42,31 +49,31 @@ class Roles:
     output: int
     time: int | None
     label: int | None
-    fixed_label: str | None
+    constant_label: str | None
     schedule: int | None  # column of the scheduling variable
-    fixed: float | None  # or its value in the whole file, SI
-    quantity: Quantity | None  # which it is; None if nothing is scheduled
-    chosen: bool  # whether it was asked for by name
-    idle: tuple[int, ...]  # columns without a part
-    label_found: bool = False  # whether the data gave the label away
+    schedule_constant: float | None  # or its value in the whole file, SI
+    schedule_quantity: Quantity | None  # which it is; None if nothing is scheduled
+    is_schedule_requested: bool  # whether it was asked for by name
+    unused: tuple[int, ...]  # columns without a part
+    is_label_inferred: bool = False  # whether the data gave the label away
 
     def notes(self, headers: Sequence[Header]) -> list[str]:
         """Say what was found about the columns, and what was left."""
         remarks = []
         used = (self.input, self.output, self.time, self.schedule)
-        mine = [headers[index] for index in used if index is not None]
-        said = [
+        used_headers = [headers[index] for index in used if index is not None]
+        by_word = [
             f"'{one.text}' as {one.quantity.name}"
-            for one in mine
-            if one.is_by_word and one.quantity
+            for one in used_headers
+            if one.is_from_words and one.quantity
         ]
-        if said:
-            remarks.append(f"read by word and unit: {', '.join(said).replace('_', ' ')}")
-        remarks += [text for header in mine for text in _describe(header)]
-        if self.label_found and self.label is not None:
+        if by_word:
+            remarks.append(f"read by word and unit: {', '.join(by_word).replace('_', ' ')}")
+        remarks += [text for header in used_headers for text in _describe_conversion(header)]
+        if self.is_label_inferred and self.label is not None:
             remarks.append(f"column '{headers[self.label].text}' tells the loops apart")
-        if self.idle:
-            idle = ", ".join(headers[index].text for index in self.idle)
+        if self.unused:
+            idle = ", ".join(headers[index].text for index in self.unused)
             remarks.append(f"columns not used: {idle}")
         return remarks
 
@@ -83,27 +90,38 @@ def find_roles(
     `texts` are the columns that do not begin with a number. `clocks` finds the columns that rise
     evenly; it is called for a proposal only.
     """
-    drive, answer = _pair(source, headers, lambda: {*texts, *clocks()})
-    time = _time(source, headers, texts)
-    label = _label(source, headers, description)
+    drive, answer = _find_input_and_output(source, headers, lambda: {*texts, *clocks()})
+    time = _find_time(source, headers, texts)
+    label = _find_label_column(source, headers, description)
     constants = description.constants
-    fixed_label = next(
+    constant_label = next(
         (str(constants[key]) for key in constants if parse_header(key).is_label), None
     )
-    if label is not None and fixed_label is not None:
+    if label is not None and constant_label is not None:
         raise InputError(
             f"{source}: the loop label is both a column and a constant; keep one",
             code="column-and-constant",
         )
-    schedule, fixed, quantity = _schedule(source, headers, description)
+    schedule, schedule_constant, quantity = _find_schedule(source, headers, description)
     used = {drive, answer, time, label, schedule}
-    idle = tuple(
+    unused = tuple(
         index
         for index, header in enumerate(headers)
         if index not in used and header.text and header.text not in description.select
     )
-    chosen = description.schedule is not None
-    return Roles(drive, answer, time, label, fixed_label, schedule, fixed, quantity, chosen, idle)
+    is_schedule_requested = description.schedule is not None
+    return Roles(
+        drive,
+        answer,
+        time,
+        label,
+        constant_label,
+        schedule,
+        schedule_constant,
+        quantity,
+        is_schedule_requested,
+        unused,
+    )
 
 
 def find_column(source: str, headers: Sequence[Header], name: str) -> int:
@@ -112,15 +130,17 @@ def find_column(source: str, headers: Sequence[Header], name: str) -> int:
         if header.text == name:
             return index
     raise InputError(
-        f"{source}: has no column '{name}' ({_have(headers)})", code="no-such-column", key=name
+        f"{source}: has no column '{name}' ({_list_columns(headers)})",
+        code="no-such-column",
+        key=name,
     )
 
 
-def _describe(header: Header) -> list[str]:
+def _describe_conversion(header: Header) -> list[str]:
     """Say how the values of a column were changed on their way to SI."""
     name = f"column '{header.text}'"
     texts = []
-    if header.unit is not None and header.unit.symbol in WEIGHTS:
+    if header.unit is not None and header.unit.symbol in MASS_UNITS:
         texts.append(f"{name}: a mass is read as the force of its weight, 9.80665 m/s^2")
     if header.scale is not None:
         unit = header.unit.symbol if header.unit else ""
@@ -135,44 +155,48 @@ def _describe(header: Header) -> list[str]:
     return texts
 
 
-def _time(source: str, headers: Sequence[Header], texts: Collection[int]) -> int | None:
+def _find_time(source: str, headers: Sequence[Header], texts: Collection[int]) -> int | None:
     """Find the clock; one without a unit says the order of the samples."""
     clocks = [i for i, header in enumerate(headers) if header.is_clock and i not in texts]
     # A word such as 'tout' or 'Seconds' does not win over a column 'time'.
-    clocks = [i for i in clocks if not headers[i].is_by_word] or clocks
+    clocks = [i for i in clocks if not headers[i].is_from_words] or clocks
     has_units = [i for i in clocks if headers[i].unit is not None or headers[i].stated]
     if has_units or len(clocks) != 1:
         numbers = [header for i, header in enumerate(headers) if i in has_units]
-        index = _only(source, numbers, "time")
+        index = _find_only(source, numbers, "time")
         return None if index is None else has_units[index]
     return clocks[0]
 
 
-def _pair(
+def _find_input_and_output(
     source: str, headers: Sequence[Header], skip: Callable[[], Collection[int]]
 ) -> tuple[int, int]:
     """Find input and output; what is missing is asked for together."""
-    pair = [_first(source, headers, names) for names in (INPUTS, tuple(OUTPUT_MAPS))]
+    pair = [_find_first(source, headers, names) for names in (DRIVE_QUANTITIES, tuple(OUTPUT_MAPS))]
     drive, answer = pair
     if drive is not None and answer is not None:
         _ask_which_drives(source, headers, drive, answer)
         return drive, answer
-    field = drive is not None and headers[drive].name == "H"
-    outputs = ("flux_density", *OUTPUT_MAPS) if field else tuple(OUTPUT_MAPS)
-    missing = [names for index, names in zip(pair, (INPUTS, outputs), strict=True) if index is None]
-    what, examples = ("an output", _OUTPUT_EXAMPLES)
+    has_field = drive is not None and headers[drive].name == "H"
+    outputs = ("flux_density", *OUTPUT_MAPS) if has_field else tuple(OUTPUT_MAPS)
+    missing = [
+        names
+        for index, names in zip(pair, (DRIVE_QUANTITIES, outputs), strict=True)
+        if index is None
+    ]
+    missing_role, examples = ("an output", _OUTPUT_EXAMPLES)
     if drive is None:
-        what, examples = ("an input", _INPUT_EXAMPLES)
-    odd = [f"'{header.text}'" for header in headers if is_number(header.text)]
-    if odd:
+        missing_role, examples = ("an input", _INPUT_EXAMPLES)
+    number_names = [f"'{header.text}'" for header in headers if is_number(header.text)]
+    if number_names:
         raise InputError(
-            f"{source}: numbers stand in place of names ({', '.join(odd[:3])}): settings beside "
+            f"{source}: numbers stand in place of names ({', '.join(number_names[:3])}): settings beside "
             "the data, or no header; delete these columns, or write a line of names above the data",
             code="names-missing",
         )
     raise InputError(
-        f"{source}: has no column for {what} ({_have(headers)}); name it {examples}"
-        f"{mapping(headers, *missing, skip=skip())}",
+        f"{source}: has no column for {missing_role} ({_list_columns(headers)}); name it {examples}"
+        f"{advise_mapping(headers, *missing, skip=skip())}",
         code="column-missing",
     )
 
@@ -182,13 +206,15 @@ def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, answer
     output, chosen = headers[answer].quantity, headers[drive]
     volts = [header for header in headers
              if header.quantity == QUANTITIES["voltage"] and not header.problem]  # fmt: skip
-    is_moved = output is not None and output.name in _MOVED
+    is_moved = output is not None and output.name in _MOTION_OUTPUTS
     if not is_moved or not volts or chosen.quantity != QUANTITIES["current"]:
         return
     if chosen.target is not None:
         return
-    mapped = mapped_so_far(headers)
-    choices = [option("columns", mapped | {text: ""}) for text in (chosen.text, volts[0].text)]
+    mapped = current_mapping(headers)
+    choices = [
+        format_option("columns", mapped | {text: ""}) for text in (chosen.text, volts[0].text)
+    ]
     raise InputError(
         f"{source}: '{volts[0].text}' or '{chosen.text}' may drive '{headers[answer].text}'; leave "
         f"one out: the voltage drives: {choices[0]}, or the current drives: {choices[1]}",
@@ -197,54 +223,58 @@ def _ask_which_drives(source: str, headers: Sequence[Header], drive: int, answer
     )
 
 
-def _first(source: str, headers: Sequence[Header], names: Sequence[str]) -> int | None:
+def _find_first(source: str, headers: Sequence[Header], names: Sequence[str]) -> int | None:
     """Index of the first quantity that a column holds; a word does not win over a doubtful column."""
-    doubtful = [
+    doubtful_names = [
         named_quantities(header.name) for header in headers if not header.is_known and header.stated
     ]
     for rank, name in enumerate(names):
-        index = _only(source, headers, name)
+        index = _find_only(source, headers, name)
         if index is None:
             continue
-        is_doubted = any(not named.isdisjoint(names[:rank]) for named in doubtful)
-        return None if headers[index].is_by_word and is_doubted else index
+        is_doubted = any(not named.isdisjoint(names[:rank]) for named in doubtful_names)
+        return None if headers[index].is_from_words and is_doubted else index
     return None
 
 
-def _only(source: str, headers: Sequence[Header], name: str) -> int | None:
+def _find_only(source: str, headers: Sequence[Header], name: str) -> int | None:
     """Index of the one usable column of a quantity; ``None`` if the table has none."""
     indices = [
         i for i, h in enumerate(headers) if h.quantity is not None and h.quantity.name == name
     ]
-    healthy = [index for index in indices if headers[index].problem is None]
+    usable = [index for index in indices if headers[index].problem is None]
     # What the user maps goes before the quantity's name, that before our symbols, these before words.
-    mapped = [index for index in healthy if headers[index].target is not None]
-    named = [index for index in healthy if headers[index].text.lower() == name]
-    symbols = [index for index in healthy if headers[index].is_certain]
-    healthy = mapped or named or symbols or healthy
-    if len(healthy) > 1:
-        texts = " and ".join(f"'{headers[index].text}'" for index in healthy)
-        choices = " or ".join(choose_one(headers[index], headers) for index in healthy)
+    mapped = [index for index in usable if headers[index].target is not None]
+    named = [index for index in usable if headers[index].text.lower() == name]
+    symbols = [index for index in usable if headers[index].is_certain]
+    usable = mapped or named or symbols or usable
+    if len(usable) > 1:
+        texts = " and ".join(f"'{headers[index].text}'" for index in usable)
+        choices = " or ".join(selection_option(headers[index], headers) for index in usable)
         raise InputError(
             f"{source}: columns {texts} are both {name}; say which one to use: {choices}",
             code="column-twice",
             key=name,
         )
-    if indices and not healthy:
+    if indices and not usable:
         header = headers[indices[0]]
-        others = [f"'{other.text}'" for other in without_units(headers) if other is not header]
-        together = (
-            f"; {', '.join(others)} have none either" if others and is_without_unit(header) else ""
+        others = [
+            f"'{other.text}'" for other in columns_without_unit(headers) if other is not header
+        ]
+        others_text = (
+            f"; {', '.join(others)} have none either" if others and has_missing_unit(header) else ""
         )
         raise InputError(
-            f"{source}: column '{header.text}': {header.problem}{together}{map_one(header, headers)}",
+            f"{source}: column '{header.text}': {header.problem}{others_text}{advise_unit_mapping(header, headers)}",
             code="bad-header",
             key=header.text,
         )
-    return healthy[0] if healthy else None
+    return usable[0] if usable else None
 
 
-def _label(source: str, headers: Sequence[Header], description: FileDescription) -> int | None:
+def _find_label_column(
+    source: str, headers: Sequence[Header], description: FileDescription
+) -> int | None:
     if description.loop is not None:
         return find_column(source, headers, description.loop)
     indices = [index for index, header in enumerate(headers) if header.is_label]
@@ -256,7 +286,7 @@ def _label(source: str, headers: Sequence[Header], description: FileDescription)
     return indices[0] if indices else None
 
 
-def _fixed_values(
+def _constants_in_si(
     source: str, constants: Mapping[str, float | str]
 ) -> dict[str, tuple[Quantity, float]]:
     """Constants of the whole file in SI units, by the name of their quantity."""
@@ -283,14 +313,14 @@ def _fixed_values(
     return values
 
 
-def _schedule(
+def _find_schedule(
     source: str, headers: Sequence[Header], description: FileDescription
 ) -> tuple[int | None, float | None, Quantity | None]:
     """Find the scheduling variable: what was asked for, else the gap, else the temperature."""
     if description.schedule == _NO_SCHEDULE:
         return None, None, None
-    fixed = _fixed_values(source, description.constants)
-    for name in fixed:
+    constants = _constants_in_si(source, description.constants)
+    for name in constants:
         if any(h.quantity is not None and h.quantity.name == name for h in headers):
             raise InputError(
                 f"{source}: {name} is both a column and a constant; keep one",
@@ -299,29 +329,29 @@ def _schedule(
             )
     names = ["gap", "temperature"]
     if description.schedule is not None:
-        names = [_meant(description.schedule, headers)]
+        names = [_schedule_name(description.schedule, headers)]
     for name in names:
-        if name in fixed:
-            quantity, value = fixed[name]
+        if name in constants:
+            quantity, value = constants[name]
             return None, value, quantity
-        of_name = [header for header in headers if header.quantity == QUANTITIES.get(name)]
-        are_words = len(of_name) > 1 and all(header.is_by_word for header in of_name)
+        matching = [header for header in headers if header.quantity == QUANTITIES.get(name)]
+        are_words = len(matching) > 1 and all(header.is_from_words for header in matching)
         if description.schedule is None and name == "temperature" and are_words:
             continue  # words name several: nobody asks for one, so none is used
-        index = _only(source, headers, name)
+        index = _find_only(source, headers, name)
         if index is not None:
             return index, None, headers[index].quantity
     if description.schedule is not None:
         raise InputError(
             f"{source}: has no column or constant '{description.schedule}' to schedule by "
-            f"({_have(headers)}){mapping(headers, names) if names[0] in QUANTITIES else ''}",
+            f"({_list_columns(headers)}){advise_mapping(headers, names) if names[0] in QUANTITIES else ''}",
             code="column-missing",
             key=description.schedule,
         )
     return None, None, None
 
 
-def _meant(schedule: str, headers: Sequence[Header]) -> str:
+def _schedule_name(schedule: str, headers: Sequence[Header]) -> str:
     """Name of the quantity that a scheduling variable is asked for by."""
     for header in headers:
         if header.text == schedule and header.quantity is not None:
@@ -330,27 +360,32 @@ def _meant(schedule: str, headers: Sequence[Header]) -> str:
     return quantity.name if quantity is not None else schedule
 
 
-def _have(headers: Sequence[Header]) -> str:
+def _list_columns(headers: Sequence[Header]) -> str:
     return "columns: " + ", ".join(header.text for header in headers)
 
 
 Rows = NDArray[np.intp]
 
-SHORTEST = 6
+MIN_LOOP_SAMPLES = 6
 """Samples that a loop has at least."""
-_ALIKE = 0.03
+_MAX_RANGE_DIFFERENCE = 0.03
 """Loops whose ranges agree within this share repeat each other: cycles of one record."""
 
 
-def may_label(header: Header, first: Sequence[str]) -> bool:
+def can_be_label(header: Header, first: Sequence[str]) -> bool:
     """Whether a column may distinguish loops, by its header and its first `SHORTEST` fields."""
-    return bool(header.name) and len(first) == SHORTEST and len(set(first)) == 1 and first[0] != ""
+    return (
+        bool(header.name)
+        and len(first) == MIN_LOOP_SAMPLES
+        and len(set(first)) == 1
+        and first[0] != ""
+    )
 
 
 def find_label(
     source: str,
     headers: Sequence[Header],
-    idle: Mapping[int, Texts],
+    candidates: Mapping[int, Texts],
     drive: FloatArray,
     answer: FloatArray,
     schedule: FloatArray | None,
@@ -361,14 +396,14 @@ def find_label(
     reverses; and the loops must differ in size, or they are cycles of one record.
     """
     rows_of_label: dict[int, list[Rows]] = {}
-    for index, column in idle.items():
-        loops = _loops(column, schedule)
+    for index, column in candidates.items():
+        loops = _label_runs(column, schedule)
         if loops is not None and _are_loops(loops, drive, answer):
             rows_of_label[index] = loops
     for header in (headers[index] for index in rows_of_label if schedule is None):
         # A label would hide a gap or a temperature.
         otherwise = f'a mere label: --loop "{header.text}"'
-        if may_be_gap(header):
+        if can_be_gap(header):
             ask_for_gap(source, header, headers, "gap", otherwise)
         if header.unit is not None and header.unit.dimension == "temperature":
             ask_for_gap(source, header, headers, "temperature", otherwise)
@@ -386,23 +421,23 @@ def find_label(
     return first
 
 
-def _loops(column: Texts, schedule: FloatArray | None) -> list[Rows] | None:
+def _label_runs(column: Texts, schedule: FloatArray | None) -> list[Rows] | None:
     """Rows of each loop, if the column has one run of rows a value, at each scheduling value."""
     if np.count_nonzero(np.bincount(column.codes)) < 2:
         return None
-    change = np.diff(column.codes) != 0
-    alone = change.copy()
+    is_change = np.diff(column.codes) != 0
+    is_label_change = is_change.copy()
     if schedule is not None:
         step = np.diff(schedule) != 0.0
-        if np.count_nonzero(step) > schedule.size // SHORTEST:
+        if np.count_nonzero(step) > schedule.size // MIN_LOOP_SAMPLES:
             schedule = None  # it moves during the loops
         else:
-            alone &= ~step
-            change |= step
-    if not alone.any():
+            is_label_change &= ~step
+            is_change |= step
+    if not is_label_change.any():
         return None  # it says what the schedule says
-    edges = np.flatnonzero(change) + 1
-    if column.codes.size < SHORTEST * (edges.size + 1):
+    edges = np.flatnonzero(is_change) + 1
+    if column.codes.size < MIN_LOOP_SAMPLES * (edges.size + 1):
         return None
     runs = np.split(np.arange(column.codes.size), edges)
     keys = {
@@ -414,7 +449,9 @@ def _loops(column: Texts, schedule: FloatArray | None) -> list[Rows] | None:
 
 def _are_loops(loops: list[Rows], drive: FloatArray, answer: FloatArray) -> bool:
     spans = np.array([[np.ptp(drive[rows]), np.ptp(answer[rows])] for rows in loops])
-    if (spans[:, 0] == 0.0).any() or not (np.ptp(spans, axis=0) > _ALIKE * spans.max(axis=0)).any():
+    if (spans[:, 0] == 0.0).any() or not (
+        np.ptp(spans, axis=0) > _MAX_RANGE_DIFFERENCE * spans.max(axis=0)
+    ).any():
         return False
     return all(reversal_count(drive[rows]) for rows in loops)
 
@@ -425,25 +462,28 @@ _GAP_WORDS = frozenset(
 )
 
 
-def may_be_gap(header: Header) -> bool:
+def can_be_gap(header: Header) -> bool:
     """Whether a column may be a gap that is called otherwise: by its unit, or else by its name."""
     if header.unit is not None and header.unit.symbol != "-":
         return header.unit.dimension == "length"
-    words = set(words_of(header.name))
+    words = set(split_words(header.name))
     named = named_quantities(header.name)
     is_named = words <= _GAP_NAMES or words & _GAP_WORDS or named & {"gap", "displacement"}
     return bool(words) and not header.stated and bool(is_named)
 
 
 def ask_for_gap(
-    source: str, header: Header, headers: Sequence[Header], name: str = "gap", otherwise: str = ""
+    source: str, header: Header, headers: Sequence[Header], name: str = "gap", alternative: str = ""
 ) -> NoReturn:
     """Ask whether a column that stays through each loop is the gap, or another quantity."""
-    other = otherwise or f"no gap: {option('columns', mapped_so_far(headers) | {header.text: ''})}"
+    alternative_text = (
+        alternative
+        or f"no gap: {format_option('columns', current_mapping(headers) | {header.text: ''})}"
+    )
     unit = "" if header.unit else ", in its unit such as gap_mm or gap_um"
     raise InputError(
         f"{source}: column '{header.text}' stays through each loop: is it the {name}, then map it"
-        f"{unit}: {map_as(header, name, headers)}, or {other}",
+        f"{unit}: {mapping_option(header, name, headers)}, or {alternative_text}",
         code="label-or-schedule",
         key=header.text,
     )

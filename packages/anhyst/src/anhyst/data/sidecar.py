@@ -54,7 +54,7 @@ class FileDescription:
             others[name] = dict(others.get(name) or {})
         return cls(
             history=None if history is None else History.of(history),
-            select={name: _choices(name, value) for name, value in (select or {}).items()},
+            select={name: _as_choices(name, value) for name, value in (select or {}).items()},
             flip=(flip,) if isinstance(flip, str) else tuple(flip or ()),
             **others,
         )
@@ -71,7 +71,7 @@ class FileDescription:
         reversed), ``drop`` (``"invalid"``).
         """
         path = Path(path)
-        keys = _load(path)
+        keys = _load_toml(path)
         kinds = {
             "columns": dict,
             "loop": str,
@@ -100,16 +100,16 @@ class FileDescription:
                 _check_kind("flip", name, str)
             arguments = dict(keys)
             history = arguments.pop("history", None)
-            reading = cls.from_arguments(**arguments)
+            description = cls.from_arguments(**arguments)
             if isinstance(history, dict):
                 _check_members("history", keys, str)
                 by_label = {label: History.parse(text) for label, text in history.items()}
-                return replace(reading, histories=by_label)
-            return replace(reading, history=History.parse(history) if history else None)
+                return replace(description, histories=by_label)
+            return replace(description, history=History.parse(history) if history else None)
         except InputError as error:
-            raise error.at(path) from None
+            raise error.with_location(path) from None
 
-    def over(self, other: FileDescription) -> FileDescription:
+    def with_defaults(self, other: FileDescription) -> FileDescription:
         """Combine with another description; entries of this one take precedence."""
         if self.history is not None:
             other = replace(other, histories={})
@@ -122,10 +122,10 @@ class FileDescription:
 
 def is_sidecar(path: Path) -> bool:
     """Whether there is a TOML file that describes measurements, and not a model made from them."""
-    return path.is_file() and "format" not in _load(path)
+    return path.is_file() and "format" not in _load_toml(path)
 
 
-def _load(path: Path) -> dict[str, Any]:
+def _load_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -150,7 +150,7 @@ def _check_members(key: str, keys: Mapping[str, Any], kind: Any) -> None:
         _check_kind(f"{key}.{name}", value, kind)
 
 
-def _choices(name: str, value: object) -> tuple[str | float, ...]:
+def _as_choices(name: str, value: object) -> tuple[str | float, ...]:
     values = value if isinstance(value, list | tuple) else (value,)
     for choice in values:
         _check_kind(f"select.{name}", choice, str | int | float)

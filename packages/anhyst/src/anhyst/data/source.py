@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
-from anhyst.data.clean import ReadOptions, names_of
+from anhyst.data.clean import ReadOptions, parse_names
 from anhyst.data.loops import Loops
 from anhyst.data.path import history_text
 from anhyst.data.reading import read_loops
@@ -21,12 +21,12 @@ LoopSource = Loops | PathLike | Sequence[PathLike] | Mapping[str, Any] | Any
 """Loops, a file, a folder, several of them, a data frame, or a dict of arrays."""
 
 
-def loops_from(
+def load_loops(
     source: LoopSource,
     argument: str,
-    reading: Mapping[str, Any],
+    read_keywords: Mapping[str, Any],
     *,
-    without: Collection[str] = (),
+    skipped_steps: Collection[str] = (),
     progress: Progress | None = None,
 ) -> tuple[Loops, ReadOptions | None]:
     """Return the loops that a verb was given, and the options with which they were read.
@@ -37,9 +37,9 @@ def loops_from(
     holds keywords of `read_loops`, and ``clean``, whose default is that of the command line.
     Cleaning steps in ``without`` are left out. Loops that are read already stay unchanged.
     """
-    reading = {name: value for name, value in reading.items() if value is not None}
+    read_keywords = {name: value for name, value in read_keywords.items() if value is not None}
     if isinstance(source, Loops):
-        for name in reading:
+        for name in read_keywords:
             raise InputError(
                 f"{argument} are read already, so {name} has no effect; give it to read_loops or "
                 "clean",
@@ -48,26 +48,30 @@ def loops_from(
             )
         return source, None
     verb = argument.partition(":")[0]
-    own = {item.name for item in fields(ReadOptions)}
-    more = {name: value for name, value in reading.items() if name not in own}
-    for name in more:
+    option_names = {item.name for item in fields(ReadOptions)}
+    other_keywords = {
+        name: value for name, value in read_keywords.items() if name not in option_names
+    }
+    for name in other_keywords:
         if name not in inspect.signature(read_loops).parameters:
             raise TypeError(f"{verb}() got an unexpected keyword argument '{name}'")
     check_source(source, argument)
-    options = options_of(verb, **{name: reading[name] for name in reading if name in own})
-    steps = tuple(step for step in options.clean if step not in without)
+    options = collect_read_options(
+        verb, **{name: read_keywords[name] for name in read_keywords if name in option_names}
+    )
+    steps = tuple(step for step in options.clean if step not in skipped_steps)
     options = replace(options, clean=steps)
-    return options.read(source, **{"progress": progress} | more), options
+    return options.read(source, **{"progress": progress} | other_keywords), options
 
 
-def options_of(verb: str, **reading: Any) -> ReadOptions:
+def collect_read_options(verb: str, **reading: Any) -> ReadOptions:
     """Collect how loops are read from arguments of Python; ``None`` is an argument left out."""
-    plain = ReadOptions()
+    defaults = ReadOptions()
     given = {name: value for name, value in reading.items() if value is not None}
     for name, value in given.items():
-        if not hasattr(plain, name):
+        if not hasattr(defaults, name):
             raise TypeError(f"{verb}() got an unexpected keyword argument '{name}'")
-        default = getattr(plain, name)
+        default = getattr(defaults, name)
         if name == "history":
             given[name] = history_text(value)
         elif isinstance(default, Mapping):
@@ -76,9 +80,9 @@ def options_of(verb: str, **reading: Any) -> ReadOptions:
                 raise wrong_type(f"{verb}: {name}", f"a dict, such as {example}", value)
             given[name] = dict(value)
         elif isinstance(default, tuple):
-            given[name] = names_of(value, f"{verb}: {name}")
+            given[name] = parse_names(value, f"{verb}: {name}")
         elif isinstance(value, str | os.PathLike):
             given[name] = os.fspath(value)
         else:
             raise wrong_type(f"{verb}: {name}", "a text", value)
-    return replace(plain, **given)
+    return replace(defaults, **given)

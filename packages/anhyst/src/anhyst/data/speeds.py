@@ -7,23 +7,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.data.estimates import noise
+from anhyst.data.estimates import estimate_noise
 from anhyst.data.loops import Loop, Loops, is_even
 from anhyst.data.path import reversal_count
-from anhyst.data.verdict import largest_output, loop_width
+from anhyst.data.verdict import largest_output, loop_width_and_height
 from anhyst.support.numeric import FloatArray
 
-APART = 3.0
+MIN_SPEED_RATIO = 3.0
 """A loop is fast where another of its gap is that many times slower, in cycles a second as well as in
 change of the input a second: loops that are merely smaller differ in one of these."""
-MATTERS = 0.01
+MIN_HEIGHT_INCREASE = 0.01
 """Of the largest output: rate matters from where it makes a loop higher by this on."""
 
-_CERTAIN = 4.0
+_MIN_HEIGHT_SIGMAS = 4.0
 """Standard deviations of the noise that a difference in height must exceed."""
 
 
-def rate_of(drive: FloatArray, time: FloatArray | None) -> float:
+def cycle_rate(drive: FloatArray, time: FloatArray | None) -> float:
     """Return the rate of the cycles in a record, Hz; 0 without time or reversals."""
     if time is None or time[-1] <= time[0]:
         return 0.0
@@ -32,118 +32,121 @@ def rate_of(drive: FloatArray, time: FloatArray | None) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Speeds:
+class SpeedGroups:
     """Loops grouped by their rate."""
 
     slow: Loops  # at every gap the slowest, and all that are not clearly faster
     fast: tuple[tuple[Loop, ...], ...]  # the others in groups of about one rate, the slowest first
 
     @property
-    def fastest(self) -> float:
+    def fastest_rate(self) -> float:
         """Rate of the fastest loops, Hz."""
-        return max(rate_of(loop.input, loop.time) for loop in self.fast[-1])
+        return max(cycle_rate(loop.input, loop.time) for loop in self.fast[-1])
 
 
-def speeds_of(loops: Loops) -> Speeds | None:
+def group_by_speed(loops: Loops) -> SpeedGroups | None:
     """Tell slow loops from fast ones; None where all are about as fast, or no times are known."""
-    fast = list(map(bool, slower_loops(loops.loops)))
-    if not any(fast):
+    fast_flags = list(map(bool, find_slower_loops(loops.loops)))
+    if not any(fast_flags):
         return None
     groups: list[list[Loop]] = []
-    quick = (loop for loop, is_fast in zip(loops.loops, fast, strict=True) if is_fast)
-    for loop in sorted(quick, key=lambda member: _pace(member)[0]):
-        if groups and _pace(loop)[0] < APART * _pace(groups[-1][0])[0]:
+    fast_loops = (loop for loop, is_fast in zip(loops.loops, fast_flags, strict=True) if is_fast)
+    for loop in sorted(fast_loops, key=lambda member: _loop_speed(member)[0]):
+        if groups and _loop_speed(loop)[0] < MIN_SPEED_RATIO * _loop_speed(groups[-1][0])[0]:
             groups[-1].append(loop)
         else:
             groups.append([loop])
-    slow = (loop for loop, is_fast in zip(loops.loops, fast, strict=True) if not is_fast)
-    return Speeds(loops.with_loops(slow), tuple(map(tuple, groups)))
+    slow = (loop for loop, is_fast in zip(loops.loops, fast_flags, strict=True) if not is_fast)
+    return SpeedGroups(loops.with_loops(slow), tuple(map(tuple, groups)))
 
 
-def slower_loops(loops: Sequence[Loop]) -> list[list[int]]:
+def find_slower_loops(loops: Sequence[Loop]) -> list[list[int]]:
     """Return for each loop the places of those of its gap that are clearly slower."""
     if any(loop.time is None for loop in loops):
         return [[] for _ in loops]
-    paces = list(map(_pace, loops))
+    paces = list(map(_loop_speed, loops))
     return [
         [
             place
             for place, (other, past) in enumerate(zip(loops, paces, strict=True))
             if other.schedule_value == loop.schedule_value
-            and min(pace[0] / past[0], pace[1] / past[1]) >= APART
+            and min(pace[0] / past[0], pace[1] / past[1]) >= MIN_SPEED_RATIO
         ]
         for loop, pace in zip(loops, paces, strict=True)
     ]
 
 
-def slow_loops(loops: Loops) -> Loops:
+def select_slow_loops(loops: Loops) -> Loops:
     """Return the loops in which nothing is induced: all, where they run at one speed."""
-    speeds = speeds_of(loops)
+    speeds = group_by_speed(loops)
     return loops if speeds is None else speeds.slow
 
 
-def _pace(loop: Loop) -> tuple[float, float]:
+def _loop_speed(loop: Loop) -> tuple[float, float]:
     """Return how fast a loop runs: its rate, Hz, and the change of its input a second."""
     assert loop.time is not None
     seconds = float(loop.time[-1] - loop.time[0])
-    return rate_of(loop.input, loop.time) or 0.5 / seconds, float(
+    return cycle_rate(loop.input, loop.time) or 0.5 / seconds, float(
         np.sum(np.abs(np.diff(loop.input))) / seconds
     )
 
 
-def with_spread_times(loops: Loops) -> Loops:
+def spread_equal_times(loops: Loops) -> Loops:
     """Spread samples to which a clock of few digits gave one time evenly up to its next."""
     if not any(loop.time is not None and np.any(np.diff(loop.time) == 0.0) for loop in loops.loops):
         return loops
-    spread = [replace(loop, time=_spread(loop.time)) for loop in loops.loops]
+    spread = [replace(loop, time=_spread_times(loop.time)) for loop in loops.loops]
     return loops.with_loops(spread, "samples of one time are spread up to the next")
 
 
-def _spread(time: FloatArray | None) -> FloatArray | None:
+def _spread_times(time: FloatArray | None) -> FloatArray | None:
     """Count the time on from the first sample of each stamp, past the last as before it."""
     if time is None:
         return None
     first = np.flatnonzero(np.diff(time, prepend=-np.inf))
-    pace = (time[first[-1]] - time[first[-2]]) / (first[-1] - first[-2])
-    after = time[-1] + pace * (time.size - first[-1])
+    step = (time[first[-1]] - time[first[-2]]) / (first[-1] - first[-2])
+    after = time[-1] + step * (time.size - first[-1])
     edges = np.append(first, time.size)
     spread: FloatArray = np.interp(np.arange(time.size), edges, np.append(time[first], after))
     return spread
 
 
-def rate_line(loops: Loops) -> str:
+def describe_rate(loops: Loops) -> str:
     """Say whether rate matters and from where on; nothing where loops run at one speed."""
-    speeds = speeds_of(loops)
+    speeds = group_by_speed(loops)
     if speeds is None:
         return ""
-    verdict = rate_matters(loops, speeds)
-    if verdict is None:
+    effect = find_rate_effect(loops, speeds)
+    if effect is None:
         return (
-            f"rate does not matter up to {speeds.fastest:.3g} Hz: fast loops are as high as slow "
+            f"rate does not matter up to {speeds.fastest_rate:.3g} Hz: fast loops are as high as slow "
             "ones, to 1 % of the largest output"
         )
-    rate, part = verdict
+    rate, share = effect
     return (
-        f"rate matters: at {rate:.3g} Hz loops are higher than slow ones by {100.0 * part:.2g} % of "
-        f"the largest output; in proportion, by 1 % from {rate * MATTERS / part:.2g} Hz on"
+        f"rate matters: at {rate:.3g} Hz loops are higher than slow ones by {100.0 * share:.2g} % of "
+        f"the largest output; in proportion, by 1 % from {rate * MIN_HEIGHT_INCREASE / share:.2g} Hz on"
     )
 
 
-def rate_matters(loops: Loops, speeds: Speeds) -> tuple[float, float] | None:
+def find_rate_effect(loops: Loops, speeds: SpeedGroups) -> tuple[float, float] | None:
     """Return the least speed that shows, Hz, and by how much, over the largest output."""
     even, largest = is_even(loops), largest_output(loops)
-    still: dict[float | None, float] = {}
+    slow_height: dict[float | None, float] = {}
     for loop in speeds.slow.loops:
-        _, height = loop_width(loop, even=even)
-        still[loop.schedule_value] = max(height, still.get(loop.schedule_value, 0.0))
+        _, height = loop_width_and_height(loop, even=even)
+        slow_height[loop.schedule_value] = max(height, slow_height.get(loop.schedule_value, 0.0))
     for group in speeds.fast:
-        rate = max(rate_of(loop.input, loop.time) for loop in group)
+        rate = max(cycle_rate(loop.input, loop.time) for loop in group)
         higher = [
-            (loop_width(loop, even=even)[1] - still[loop.schedule_value], noise(loop.output))
+            (
+                loop_width_and_height(loop, even=even)[1] - slow_height[loop.schedule_value],
+                estimate_noise(loop.output),
+            )
             for loop in group
         ]
-        extra, uncertain = max(higher)
-        part = extra / largest
-        if part >= MATTERS and extra > _CERTAIN * uncertain:
-            return rate, part
+        increase, noise_sigma = max(higher)
+        share = increase / largest
+        if share >= MIN_HEIGHT_INCREASE and increase > _MIN_HEIGHT_SIGMAS * noise_sigma:
+            return rate, share
     return None

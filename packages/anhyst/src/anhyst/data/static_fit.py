@@ -8,14 +8,14 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from anhyst.data.loops import Loop
-from anhyst.data.path import move_plays, thinned
+from anhyst.data.path import move_plays, thin_rows
 from anhyst.support.numeric import FloatArray
 
-_DEGREE = 7
+_CURVE_DEGREE = 7
 _THRESHOLDS = (0.01, 0.02, 0.04, 0.08, 0.15, 0.25, 0.4)
 """Thresholds of the play operators, in parts of half the range of the input."""
 _MAX_SAMPLES = 2000
-_MAX_STRETCH = 4.0
+_MAX_RESAMPLING_RATIO = 4.0
 """Largest number of samples of an even record, in those of the loop."""
 
 
@@ -36,12 +36,12 @@ class EvenRecord:
         )
         return EvenRecord(drive, output, samples * self.step)
 
-    def at_most(self, samples: int) -> EvenRecord:
+    def limited_to(self, samples: int) -> EvenRecord:
         """Average blocks if there are more samples than this."""
         count = -(-self.drive.size // samples)
         return self.averaged(count) if count > 1 else self
 
-    def first(self, samples: int) -> EvenRecord:
+    def first_samples(self, samples: int) -> EvenRecord:
         """Return the first samples without their means."""
         drive, output = (
             each[:samples] - each[:samples].mean() for each in (self.drive, self.output)
@@ -49,29 +49,29 @@ class EvenRecord:
         return EvenRecord(drive, output, self.step)
 
 
-def even_record(loop: Loop) -> EvenRecord | None:
+def resample_evenly(loop: Loop) -> EvenRecord | None:
     """Return a loop at its median time step; None if its clock is too uneven."""
     if loop.time is None:
         return EvenRecord(loop.input, loop.output, 1.0)
     step = float(np.median(np.diff(loop.time)))
-    if step <= 0.0 or float(loop.time[-1] - loop.time[0]) > _MAX_STRETCH * loop.n * step:
+    if step <= 0.0 or float(loop.time[-1] - loop.time[0]) > _MAX_RESAMPLING_RATIO * loop.n * step:
         return None
     clock = np.arange(float(loop.time[0]), float(loop.time[-1]) + 0.5 * step, step)
     drive, output = (np.interp(clock, loop.time, each) for each in (loop.input, loop.output))
     return EvenRecord(drive, output, step)
 
 
-def static_rms(drive: FloatArray, output: FloatArray, *, plays: bool = True) -> float:
+def static_fit_rms(drive: FloatArray, output: FloatArray, *, with_plays: bool = True) -> float:
     """Return the rms of an output that curves, and play operators, of its input leave."""
-    rows = thinned(drive, _MAX_SAMPLES)
+    rows = thin_rows(drive, _MAX_SAMPLES)
     middle, half = 0.5 * float(drive.max() + drive.min()), 0.5 * float(np.ptp(drive))
     x = (drive[rows] - middle) / (half or 1.0)
-    columns = [legvander(x, _DEGREE)]
-    if plays:
+    columns = [legvander(x, _CURVE_DEGREE)]
+    if with_plays:
         thresholds = np.array(_THRESHOLDS)
         begin = np.clip(0.0, x[0] - thresholds, x[0] + thresholds)
         states = move_plays(x[None], thresholds, begin[None])[:, 0]
         columns += [states, states * x[:, None]]
-    terms = np.hstack(columns)
-    shares = np.linalg.lstsq(terms, output[rows])[0]
-    return float(np.sqrt(np.mean((output[rows] - terms @ shares) ** 2)))
+    basis = np.hstack(columns)
+    coefficients = np.linalg.lstsq(basis, output[rows])[0]
+    return float(np.sqrt(np.mean((output[rows] - basis @ coefficients) ** 2)))

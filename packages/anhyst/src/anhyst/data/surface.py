@@ -10,55 +10,55 @@ from scipy.interpolate import PchipInterpolator
 
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import is_actuator
-from anhyst.data.verdict import monotone_fit
+from anhyst.data.verdict import fit_monotone
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 
-def midway(members: Sequence[Loop], levels: FloatArray) -> FloatArray:
+def mid_current(members: Sequence[Loop], levels: FloatArray) -> FloatArray:
     """Return the mean of the least and the largest current at each level of the force."""
-    low, high = envelope(members, levels)
+    low, high = current_envelope(members, levels)
     return 0.5 * (low + high)
 
 
-def envelope(members: Sequence[Loop], levels: FloatArray) -> tuple[FloatArray, FloatArray]:
+def current_envelope(members: Sequence[Loop], levels: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the least and the largest current at levels of the force."""
-    crossings = [_crossings(loop.input, loop.output, levels) for loop in members]
+    crossings = [_extreme_currents(loop.input, loop.output, levels) for loop in members]
     low = np.min([least for least, _ in crossings], axis=0)
     high = np.max([largest for _, largest in crossings], axis=0)
     known = low <= high
     return np.where(known, low, np.nan), np.where(known, high, np.nan)
 
 
-def _crossings(
+def _extreme_currents(
     current: FloatArray, force: FloatArray, levels: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Least and largest current at which a record passes each level; inf and -inf where none."""
     least, largest = np.full(levels.size, np.inf), np.full(levels.size, -np.inf)
     for begin, end in zip(range(force.size - 1), range(1, force.size), strict=True):
         low, high = sorted((force[begin], force[end]))
-        met = slice(np.searchsorted(levels, low), np.searchsorted(levels, high, side="right"))
-        if met.start == met.stop or low == high:
+        passed = slice(np.searchsorted(levels, low), np.searchsorted(levels, high, side="right"))
+        if passed.start == passed.stop or low == high:
             continue
-        share = (levels[met] - force[begin]) / (force[end] - force[begin])
+        share = (levels[passed] - force[begin]) / (force[end] - force[begin])
         at = current[begin] + share * (current[end] - current[begin])
-        least[met] = np.minimum(least[met], at)
-        largest[met] = np.maximum(largest[met], at)
+        least[passed] = np.minimum(least[passed], at)
+        largest[passed] = np.maximum(largest[passed], at)
     return least, largest
 
 
-COLUMNS = 129
+FORCE_LEVELS = 129
 """Levels of the force, over its range."""
-ROWS = 17
+GAP_LEVELS = 17
 """Gaps, over the range of the controller."""
-WINDOW = 0.25
+SLOPE_WINDOW_SHARE = 0.25
 """Half-width, over the largest force and over the range of gaps, of what a slope is fitted to."""
-TOP = 0.1
+END_SLOPE_SHARE = 0.1
 """Share of the known levels that give the slope beyond the last one."""
-DEGREE = 5
-SPAN = 11
+SMOOTHING_DEGREE = 5
+SMOOTHING_LEVELS = 11
 """Of the polynomial below the smoothing, and the levels that one smoothed value is made of."""
-FLATTEST = 0.01
+MIN_SLOPE_SHARE = 0.01
 """A surface rises at least by this share of its mean slope, so that it can be inverted."""
 
 
@@ -70,7 +70,7 @@ class Surface:
     gap: FloatArray  # m; shape (g,)
     current: FloatArray  # A; rises along the force; shape (g, f)
 
-    def at(self, force: FloatArray, gap: float) -> FloatArray:
+    def current_at(self, force: FloatArray, gap: float) -> FloatArray:
         """Return the current for forces at one gap; straight lines between the steps."""
         row = [np.interp(gap, self.gap, column) for column in self.current.T]
         return np.asarray(np.interp(force, self.force, row))
@@ -100,14 +100,16 @@ def fit_surface(
             code="gaps-not-covered",
             key="loops",
         )
-    force = np.linspace(*forces, COLUMNS)
-    table = np.array([_row(midway(members, force), force, gap) for gap, members in groups.items()])
-    gaps = np.linspace(*gap_range, ROWS)
+    force = np.linspace(*forces, FORCE_LEVELS)
+    table = np.array(
+        [_fill_row(mid_current(members, force), force, gap) for gap, members in groups.items()]
+    )
+    gaps = np.linspace(*gap_range, GAP_LEVELS)
     current = PchipInterpolator(nodes, table, axis=0)(np.clip(gaps, nodes[0], nodes[-1]))
-    return Surface(force, gaps, rising(current))
+    return Surface(force, gaps, make_rising(current))
 
 
-def _row(middle: FloatArray, force: FloatArray, gap: float) -> FloatArray:
+def _fill_row(middle: FloatArray, force: FloatArray, gap: float) -> FloatArray:
     """Fill in and go on beyond what was measured, at one gap."""
     known = np.flatnonzero(np.isfinite(middle))
     if known.size < 0.2 * force.size:
@@ -117,9 +119,9 @@ def _row(middle: FloatArray, force: FloatArray, gap: float) -> FloatArray:
             code="force-not-reached",
             key="loops",
         )
-    filled = _smooth(force, np.interp(force, force[known], middle[known]))
-    row = monotone_fit(filled, np.ones(force.size))
-    near = max(3, int(TOP * known.size))
+    filled = _smooth_current(force, np.interp(force, force[known], middle[known]))
+    row = fit_monotone(filled, np.ones(force.size))
+    near = max(3, int(END_SLOPE_SHARE * known.size))
     for ends, beyond in (
         (known[-near:], force > force[known[-1]]),
         (known[near - 1 :: -1], force < force[known[0]]),
@@ -130,19 +132,19 @@ def _row(middle: FloatArray, force: FloatArray, gap: float) -> FloatArray:
     return row
 
 
-def _smooth(force: FloatArray, current: FloatArray) -> FloatArray:
+def _smooth_current(force: FloatArray, current: FloatArray) -> FloatArray:
     """Take noise, which makes slopes restless, off what a polynomial of the force's root leaves."""
     from scipy.signal import savgol_filter  # slow to load, and used for maps alone
 
     root = np.sqrt(force / force[-1]) if force[0] >= 0.0 else force / force[-1]
-    smooth = np.polynomial.Polynomial.fit(root, current, DEGREE)(root)
-    return np.asarray(smooth + savgol_filter(current - smooth, SPAN, 2))
+    smooth = np.polynomial.Polynomial.fit(root, current, SMOOTHING_DEGREE)(root)
+    return np.asarray(smooth + savgol_filter(current - smooth, SMOOTHING_LEVELS, 2))
 
 
-def rising(table: FloatArray) -> FloatArray:
+def make_rising(table: FloatArray) -> FloatArray:
     """Return the least table above this one that rises everywhere along its rows."""
     mean = np.ptp(table, axis=1, keepdims=True) / (table.shape[1] - 1)
-    line = FLATTEST * mean * np.arange(table.shape[1])
+    line = MIN_SLOPE_SHARE * mean * np.arange(table.shape[1])
     return np.asarray(np.maximum.accumulate(table - line, axis=1) + line)
 
 
@@ -151,44 +153,50 @@ class Tangent:
     """A plane through the surface at an operating point."""
 
     current: float  # at the operating point, A
-    per_force: float  # A/N
-    per_gap: float  # at constant force, A/m
+    current_per_force: float  # A/N
+    current_per_gap: float  # at constant force, A/m
 
     @property
     def k_i(self) -> float:
         """Force for a current, N/A."""
-        return 1.0 / self.per_force
+        return 1.0 / self.current_per_force
 
     @property
     def k_s(self) -> float:
         """Force that is lost for an opening gap at constant current, N/m: -dF/dgap."""
-        return self.per_gap / self.per_force
+        return self.current_per_gap / self.current_per_force
 
 
 def fit_line(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
     """Fit a constant force-current ratio around a force at one gap, least squares."""
-    forces = _around(force, WINDOW * force_max, _reach(surface, force_max))
-    slope, current = np.polyfit(forces - force, surface.at(forces, gap), 1)
+    forces = _symmetric_grid(
+        force, SLOPE_WINDOW_SHARE * force_max, _force_range(surface, force_max)
+    )
+    slope, current = np.polyfit(forces - force, surface.current_at(forces, gap), 1)
     return Tangent(float(current), float(slope), 0.0)
 
 
 def fit_plane(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
     """Fit the two constants of a magnet around an operating point, least squares."""
     low, high = float(surface.gap[0]), float(surface.gap[-1])
-    forces = _around(force, WINDOW * force_max, _reach(surface, force_max))
-    gaps = _around(gap, WINDOW * (high - low), (low, high))
-    current = np.concatenate([surface.at(forces, at) for at in gaps.tolist()])
-    across = np.repeat(gaps - gap, forces.size) / (high - low)
-    over = np.column_stack([np.ones(current.size), np.tile(forces - force, gaps.size), across])
-    factors = np.linalg.lstsq(over, current, rcond=None)[0]
+    forces = _symmetric_grid(
+        force, SLOPE_WINDOW_SHARE * force_max, _force_range(surface, force_max)
+    )
+    gaps = _symmetric_grid(gap, SLOPE_WINDOW_SHARE * (high - low), (low, high))
+    current = np.concatenate([surface.current_at(forces, at) for at in gaps.tolist()])
+    gap_column = np.repeat(gaps - gap, forces.size) / (high - low)
+    matrix = np.column_stack(
+        [np.ones(current.size), np.tile(forces - force, gaps.size), gap_column]
+    )
+    factors = np.linalg.lstsq(matrix, current, rcond=None)[0]
     return Tangent(float(factors[0]), float(factors[1]), float(factors[2]) / (high - low))
 
 
-def _reach(surface: Surface, force_max: float) -> tuple[float, float]:
+def _force_range(surface: Surface, force_max: float) -> tuple[float, float]:
     return max(float(surface.force[0]), -force_max), force_max
 
 
-def _around(middle: float, half: float, ends: tuple[float, float]) -> FloatArray:
+def _symmetric_grid(middle: float, half: float, ends: tuple[float, float]) -> FloatArray:
     """Return equal steps as far to one side as to the other, within the ends."""
     half = min(half, middle - ends[0], ends[1] - middle)
     return np.linspace(middle - half, middle + half, 41)

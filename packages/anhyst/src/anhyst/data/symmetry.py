@@ -14,35 +14,35 @@ import numpy as np
 
 from anhyst.data.loops import Loop, Loops, is_even
 from anhyst.data.output_map import output_map
-from anhyst.data.path import branches, correlation, is_bipolar, smooth
+from anhyst.data.path import average_in_bins, correlation, find_branches, is_bipolar
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 MIN_EVEN_CORRELATION = 0.5
 """Correlation of a falling curve with the mirrored rising one from which an output is even."""
-MIN_EXPLAINED = 0.5
+MIN_EXPLAINED_VARIANCE = 0.5
 """Variance share of the output that both curves must explain; a resonance leaves more."""
-MIN_TURN_BACK = 0.2
+MIN_TURN_BACK_SHARE = 0.2
 """Fall and rise of the output along one branch of the input, in parts of its range there."""
 MIN_TURN_BACK_SPAN = 0.6
 """Smallest span of such a branch, in parts of the range of the input."""
-MIN_BIAS = 0.04
+MIN_BIAS_SHARE = 0.04
 """Smallest distance of the least force from zero that is called a bias, in parts of the range."""
-_EDGE = 0.06
+_EDGE_SHARE = 0.06
 """A minimum nearer than this to an end of the range is an end, in parts of the range."""
-_MIN_RISE = 0.02
+_MIN_RISE_SHARE = 0.02
 """Rise from a minimum to the nearer end of the range, in parts of that to the other end."""
-_BINS = 60
+_BIN_COUNT = 60
 _MIN_SAMPLES = 12
 """Smallest number of samples in each direction of the input from which a curve is averaged."""
 
 
 def check_not_even(loopset: Loops) -> None:
     """Refuse an output that is even in its input although no law here makes it so."""
-    if output_map(loopset.output).even:
+    if output_map(loopset.output).is_even:
         return
-    for loop in _bipolar(loopset):
-        if _turns_back(loop) and _even_correlation(loop) > MIN_EVEN_CORRELATION:
+    for loop in _bipolar_loops(loopset):
+        if _has_turn_back(loop) and _even_correlation(loop) > MIN_EVEN_CORRELATION:
             drive = loopset.input.name
             raise InputError(
                 f"{loopset.describe(loop)}: the {loopset.output.name.replace('_', ' ')} is an even "
@@ -53,9 +53,9 @@ def check_not_even(loopset: Loops) -> None:
             )
 
 
-def turning_line(loopset: Loops) -> str:
+def describe_turn_back(loopset: Loops) -> str:
     """Return a sentence about an odd output that turns back along a branch; empty without one."""
-    if output_map(loopset.output).even or not any(map(_turns_back, _bipolar(loopset))):
+    if output_map(loopset.output).is_even or not any(map(_has_turn_back, _bipolar_loops(loopset))):
         return ""
     return (
         f"the {loopset.output.name.replace('_', ' ')} falls and rises again while the "
@@ -74,8 +74,8 @@ def recentre(loopset: Loops) -> tuple[Loops, bool]:
     if bias:
         moved = (replace(loop, input=loop.input - bias) for loop in loopset.loops)
         return loopset.with_loops(moved), True
-    falls = [correlation(loop.input, loop.output) < 0.0 for loop in _bipolar(loopset)]
-    if output_map(loopset.output).even and not even and falls and all(falls):
+    falls = [correlation(loop.input, loop.output) < 0.0 for loop in _bipolar_loops(loopset)]
+    if output_map(loopset.output).is_even and not even and falls and all(falls):
         turned = (replace(loop, input=-loop.input) for loop in loopset.loops)
         return loopset.with_loops(turned), even
     return loopset, even
@@ -83,27 +83,36 @@ def recentre(loopset: Loops) -> tuple[Loops, bool]:
 
 def find_bias(loopset: Loops) -> float:
     """Return the input at which a force is least; 0 without a clear bias inside the range."""
-    loops = _bipolar(loopset)
-    if not output_map(loopset.output).even or not loops:
+    loops = _bipolar_loops(loopset)
+    if not output_map(loopset.output).is_even or not loops:
         return 0.0
     loop = max(loops, key=lambda each: float(np.ptp(each.output)))
-    drive, mean = smooth(loop.input, loop.output, _BINS)
+    drive, mean = average_in_bins(loop.input, loop.output, _BIN_COUNT)
     low, span = float(drive[0]), float(np.ptp(drive))
-    at = int(np.argmin(mean))
-    near = np.abs(drive - drive[at]) <= 2.0 * _EDGE * span
-    if np.count_nonzero(near) < 4 or not _EDGE < (drive[at] - low) / span < 1.0 - _EDGE:
+    min_index = int(np.argmin(mean))
+    is_near = np.abs(drive - drive[min_index]) <= 2.0 * _EDGE_SHARE * span
+    if (
+        np.count_nonzero(is_near) < 4
+        or not _EDGE_SHARE < (drive[min_index] - low) / span < 1.0 - _EDGE_SHARE
+    ):
         return 0.0
     # A parabola through the bins nearby averages their noise.
-    _, slope, bend = np.polynomial.polynomial.polyfit(drive[near] - drive[at], mean[near], 2)
-    place = float(drive[at] - 0.5 * slope / bend) if bend > 0.0 else float(drive[at])
-    rises = min(mean[0], mean[-1]) - mean[at] > _MIN_RISE * float(np.ptp(mean))
-    return place if rises and abs(place) > MIN_BIAS * span else 0.0
+    _, slope, curvature = np.polynomial.polynomial.polyfit(
+        drive[is_near] - drive[min_index], mean[is_near], 2
+    )
+    bias = (
+        float(drive[min_index] - 0.5 * slope / curvature)
+        if curvature > 0.0
+        else float(drive[min_index])
+    )
+    has_minimum = min(mean[0], mean[-1]) - mean[min_index] > _MIN_RISE_SHARE * float(np.ptp(mean))
+    return bias if has_minimum and abs(bias) > MIN_BIAS_SHARE * span else 0.0
 
 
-def bias_line(loopset: Loops) -> str:
+def describe_bias(loopset: Loops) -> str:
     """Return a sentence about the bias of a force; empty without one."""
     drive, name = loopset.input, loopset.output.name
-    if not output_map(loopset.output).even or not _bipolar(loopset):
+    if not output_map(loopset.output).is_even or not _bipolar_loops(loopset):
         return ""
     if bias := find_bias(loopset):
         return (
@@ -118,20 +127,20 @@ def bias_line(loopset: Loops) -> str:
     return ""
 
 
-def _bipolar(loopset: Loops) -> list[Loop]:
+def _bipolar_loops(loopset: Loops) -> list[Loop]:
     return [loop for loop in loopset.loops if is_bipolar(loop.input)]
 
 
-def _turns_back(loop: Loop) -> bool:
+def _has_turn_back(loop: Loop) -> bool:
     """Whether the output falls and rises again along a wide branch of the input."""
-    for part in branches(loop.input):
+    for part in find_branches(loop.input):
         drive, output = loop.input[part.rows], loop.output[part.rows]
         if drive.size < _MIN_SAMPLES or np.ptp(drive) < MIN_TURN_BACK_SPAN * np.ptp(loop.input):
             continue
-        _, answer = smooth(drive, output, _BINS)
+        _, answer = average_in_bins(drive, output, _BIN_COUNT)
         falls = float(np.max(np.maximum.accumulate(answer) - answer))
         rises = float(np.max(answer - np.minimum.accumulate(answer)))
-        if min(falls, rises) > MIN_TURN_BACK * float(np.ptp(loop.output)):
+        if min(falls, rises) > MIN_TURN_BACK_SHARE * float(np.ptp(loop.output)):
             return True
     return False
 
@@ -139,17 +148,19 @@ def _turns_back(loop: Loop) -> bool:
 def _even_correlation(loop: Loop) -> float:
     """Return the correlation of the falling curve with the mirrored rising one; 0 if unknown."""
     rises = np.zeros(loop.n, dtype=np.bool_)
-    for part in branches(loop.input):
-        rises[part.rows] = part.rising
+    for part in find_branches(loop.input):
+        rises[part.rows] = part.is_rising
     if min(np.count_nonzero(rises), np.count_nonzero(~rises)) < _MIN_SAMPLES:
         return 0.0
-    curves = [smooth(loop.input[rows], loop.output[rows], _BINS) for rows in (rises, ~rises)]
+    curves = [
+        average_in_bins(loop.input[rows], loop.output[rows], _BIN_COUNT) for rows in (rises, ~rises)
+    ]
     fitted = np.where(rises, *(np.interp(loop.input, *curve) for curve in curves))
-    if np.var(loop.output - fitted) > (1.0 - MIN_EXPLAINED) * np.var(loop.output):
+    if np.var(loop.output - fitted) > (1.0 - MIN_EXPLAINED_VARIANCE) * np.var(loop.output):
         return 0.0
     (up, rising), (down, falling) = curves
-    reach = min(-up[0], up[-1], -down[0], down[-1])
-    if reach <= 0.0:
+    common_range = min(-up[0], up[-1], -down[0], down[-1])
+    if common_range <= 0.0:
         return 0.0
-    grid: FloatArray = np.linspace(-reach, reach, 2 * _BINS + 1)
+    grid: FloatArray = np.linspace(-common_range, common_range, 2 * _BIN_COUNT + 1)
     return correlation(np.interp(grid, down, falling), np.interp(-grid, up, rising))

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from anhyst.data.blocks import Breaks
 from anhyst.data.formats import OpenTable
 from anhyst.data.formats.channels import RawColumns, Texts
-from anhyst.data.path import are_measured, overrange_mark, refuse_missing
+from anhyst.data.path import are_measured, find_overrange_mark, refuse_missing
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Header
 
 Rows = NDArray[np.intp]
 
-_MAX_HOLE = 0.05
+_MAX_HOLE_SHARE = 0.05
 """Part of a record that invalid samples may leave out in a row; a longer hole is remarked on."""
 
 
@@ -31,16 +31,16 @@ class UsedRows:
     raw: RawColumns
     rows: Rows | None  # None: all
 
-    def where(self, row: int) -> str:
+    def locate_row(self, row: int) -> str:
         """Return the place of a used row."""
-        return self.table.where(row if self.rows is None else int(self.rows[row]))
+        return self.table.locate_row(row if self.rows is None else int(self.rows[row]))
 
     def values(self, index: int) -> FloatArray:
         """Return a column of numbers as it is in the table."""
         column = self.raw.numbers[index]
         return column if self.rows is None else column[self.rows]
 
-    def si(self, index: int) -> FloatArray:
+    def si_values(self, index: int) -> FloatArray:
         """Return a column of numbers in SI units."""
         return self.headers[index].to_si(self.values(index))
 
@@ -49,7 +49,7 @@ class UsedRows:
         column = self.raw.texts[index]
         return column if self.rows is None else Texts(column.values, column.codes[self.rows])
 
-    def at(self, rows: Rows) -> UsedRows:
+    def select(self, rows: Rows) -> UsedRows:
         """Return the same columns at some of the used rows."""
         return replace(self, rows=rows if self.rows is None else self.rows[rows])
 
@@ -59,42 +59,50 @@ class UsedRows:
             return self.raw.breaks
         merged: dict[int, tuple[str, ...]] = {}
         for row, texts in self.raw.breaks:
-            at = int(np.searchsorted(self.rows, row))
-            if at < self.rows.size:
-                merged[at] = (*merged.get(at, ()), *texts)
+            used_row = int(np.searchsorted(self.rows, row))
+            if used_row < self.rows.size:
+                merged[used_row] = (*merged.get(used_row, ()), *texts)
         return sorted(merged.items())
 
-    def with_valid(self, drop: str | None, signals: Collection[int]) -> tuple[UsedRows, list[str]]:
+    def drop_invalid(
+        self, drop: str | None, signals: Collection[int]
+    ) -> tuple[UsedRows, list[str]]:
         """Leave out rows without a measured value, with a note; refuse them if nobody asks for it."""
-        held = {self.headers[index].text: self.values(index) for index in self.raw.numbers}
-        main = [self.headers[index].text for index in signals]
-        marks = []
-        for name in tuple(held):
-            while (mark := overrange_mark(held[name], is_output=name == main[-1])) is not None:
-                is_mark = held[name] == mark
+        values_by_name = {
+            self.headers[index].text: self.values(index) for index in self.raw.numbers
+        }
+        main_names = [self.headers[index].text for index in signals]
+        mark_notes = []
+        for name in tuple(values_by_name):
+            while (
+                mark := find_overrange_mark(values_by_name[name], is_output=name == main_names[-1])
+            ) is not None:
+                is_mark = values_by_name[name] == mark
                 count = int(np.count_nonzero(is_mark))
                 if drop is None:
                     raise InputError(
-                        f"{self.where(int(np.argmax(is_mark)))}, column '{name}': {mark:.9g} looks "
+                        f"{self.locate_row(int(np.argmax(is_mark)))}, column '{name}': {mark:.9g} looks "
                         "like an overrange mark, because it is far outside all other values, as in "
                         f"{count} of {is_mark.size} samples; leave them out: --drop invalid",
                         code="overrange-mark",
                         key=name,
                     )
-                held[name] = np.where(is_mark, np.nan, held[name])
-                marks.append(f"column '{name}': {mark:.9g} is an overrange mark, {count} times")
+                values_by_name[name] = np.where(is_mark, np.nan, values_by_name[name])
+                mark_notes.append(
+                    f"column '{name}': {mark:.9g} is an overrange mark, {count} times"
+                )
         if drop is None:
             sparse = [
                 name
-                for name, values in held.items()
+                for name, values in values_by_name.items()
                 if 2 * np.count_nonzero(are_measured(values)) < values.size
             ]
             remedy = "leave them out: --drop invalid"
             if sparse:  # merged cells, values in the first row only, or formulas without results
                 remedy = f"write a value of '{sparse[0]}' into every row"
-            refuse_missing(self.where, list(held.items()), remedy)
+            refuse_missing(self.locate_row, list(values_by_name.items()), remedy)
             return self, []
-        is_good = {name: are_measured(values) for name, values in held.items()}
+        is_good = {name: are_measured(values) for name, values in values_by_name.items()}
         is_valid = np.logical_and.reduce(list(is_good.values()))
         valid = np.flatnonzero(is_valid)
         if valid.size == is_valid.size:
@@ -107,12 +115,14 @@ class UsedRows:
         )
         if valid.size == 0:
             raise InputError(f"{self.table.source_name}: {note}; none remains", code="no-data")
-        if holes.max() > _MAX_HOLE * is_valid.size:
+        if holes.max() > _MAX_HOLE_SHARE * is_valid.size:
             note += "; the history after such a hole is not known"
         # A new block begins at a row with neither an input nor an output.
-        empty = np.flatnonzero(~np.logical_or.reduce([is_good[name] for name in main]))
-        first = empty if self.rows is None else self.rows[empty]
-        known = self.raw.breaks or ((0, ()),)
-        breaks = sorted([*known, *((int(row), ()) for row in first)], key=lambda found: found[0])
+        blank_rows = np.flatnonzero(~np.logical_or.reduce([is_good[name] for name in main_names]))
+        first = blank_rows if self.rows is None else self.rows[blank_rows]
+        earlier_breaks = self.raw.breaks or ((0, ()),)
+        breaks = sorted(
+            [*earlier_breaks, *((int(row), ()) for row in first)], key=lambda found: found[0]
+        )
         separated = replace(self, raw=replace(self.raw, breaks=tuple(breaks)))
-        return separated.at(valid), [note, *marks]
+        return separated.select(valid), [note, *mark_notes]

@@ -8,15 +8,15 @@ from typing import Literal
 
 import numpy as np
 
-from anhyst.data.estimates import noise
-from anhyst.data.lag import lag_line
-from anhyst.data.loops import Loop, Loops, folded
+from anhyst.data.coil_lag import describe_coil_lag
+from anhyst.data.estimates import estimate_noise
+from anhyst.data.loops import Loop, Loops, fold_input
 from anhyst.data.output_map import full_scale, name_full_scale
-from anhyst.data.path import branches, separation, smooth
-from anhyst.data.resonance import resonance_line
-from anhyst.data.symmetry import recentre, turning_line
+from anhyst.data.path import average_in_bins, branch_separation, find_branches
+from anhyst.data.resonance import describe_resonance
+from anhyst.data.symmetry import describe_turn_back, recentre
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import in_small_unit
+from anhyst.support.units import choose_display_unit
 
 Level = Literal["yes", "little", "no", "unknown"]
 
@@ -24,10 +24,10 @@ _MEAN_OF_NORMAL = 0.7979
 """Mean absolute value of a normal variable of unit standard deviation."""
 MIN_SAMPLES_PER_BRANCH = 200
 """Samples of a branch that resolve its loop; noise faster than they are is averaged out of the gain."""
-_BINS = 4000
-_RUN_IN = 6
+_MAX_BINS = 4000
+_MAX_BRANCHES_WITH_FIRST = 6
 """With more branches than this, the first is left out of the loop's width."""
-WHERE_IT_PAYS = (
+GAIN_ADVICE = (
     "it would pay where loops stand well above the noise: iron with wider loops, or several cycles "
     "averaged"
 )
@@ -68,7 +68,7 @@ class Verdict:
         return self.level == "yes"
 
 
-def monotone_fit(values: FloatArray, weights: FloatArray) -> FloatArray:
+def fit_monotone(values: FloatArray, weights: FloatArray) -> FloatArray:
     """Best non-decreasing sequence in the weighted least-squares sense (pool adjacent violators).
 
     >>> monotone_fit(np.array([1.0, 3.0, 2.0]), np.ones(3)).tolist()
@@ -87,43 +87,43 @@ def monotone_fit(values: FloatArray, weights: FloatArray) -> FloatArray:
     return np.repeat(means, sizes)
 
 
-def single_valued(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
+def single_valued_residuals(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
     """Return each loop, and the deviation of its output from the best monotone curve of its gap."""
     centred, even = recentre(loopset)
     groups: dict[float | None, list[tuple[Loop, FloatArray, FloatArray]]] = {}
     for loop, moved in zip(loopset.loops, centred.loops, strict=True):
-        curve = (loop, *folded(moved, even=even))
+        curve = (loop, *fold_input(moved, even=even))
         groups.setdefault(loop.schedule_value, []).append(curve)
-    return [pair for curves in groups.values() for pair in _residuals(curves)]
+    return [pair for curves in groups.values() for pair in _curve_residuals(curves)]
 
 
-def loop_width(loop: Loop, *, even: bool) -> tuple[float, float]:
+def loop_width_and_height(loop: Loop, *, even: bool) -> tuple[float, float]:
     """Return width and height of a loop: the largest distance of neighbouring branches.
 
     In the input at equal output, and in the output at equal input; noise averaged out.
     """
-    size, answer = folded(loop, even=even)
+    size, answer = fold_input(loop, even=even)
     span, height = float(np.ptp(size)), float(np.ptp(answer))
-    parts = branches(size)
-    if len(parts) > _RUN_IN:
+    parts = find_branches(size)
+    if len(parts) > _MAX_BRANCHES_WITH_FIRST:
         parts = parts[1:]  # how the record got going says nothing about the cycles after it
     widest = highest = 0.0
     for before, after in itertools.pairwise(parts):
-        width = separation(size, answer, before, after)
+        width = branch_separation(size, answer, before, after)
         if width is None or np.ptp(width[0]) < 0.2 * span:
             continue
         highest = max(highest, float(np.max(np.abs(width[1]))))
-        widest = max(widest, _separation_sideways(size, answer, before.rows, after.rows, height))
+        widest = max(widest, _input_separation(size, answer, before.rows, after.rows, height))
     return widest, highest
 
 
-def _separation_sideways(
+def _input_separation(
     size: FloatArray, answer: FloatArray, first: slice, second: slice, height: float
 ) -> float:
     """Largest distance in input between two branches at equal output, outer tenths left out."""
     curves = []
     for rows in (first, second):
-        x, y = smooth(size[rows], answer[rows], bins=200)
+        x, y = average_in_bins(size[rows], answer[rows], bins=200)
         if y[-1] < y[0]:
             y = -y
         curves.append((x, np.maximum.accumulate(y)))
@@ -140,20 +140,26 @@ def largest_output(loopset: Loops) -> float:
     return full_scale(loopset.output, (loop.output for loop in loopset.loops)) or 1.0
 
 
-def judge(loopset: Loops) -> Verdict:
+def assess_loops(loopset: Loops) -> Verdict:
     """Weigh loop width, the best single-valued curve and the noise against each other."""
     centred, even = recentre(loopset)
-    width, height = np.max([loop_width(loop, even=even) for loop in centred.loops], 0).tolist()
-    pairs = single_valued(loopset)  # grouped by gap, not in the order of the loops
-    pooled = np.abs(np.concatenate([residual for _, residual in pairs]))
-    mean, worst = float(pooled.mean()), float(pooled.max())
-    band = [_in_band(*pair) for pair in pairs]
-    band_mean, band_noise = np.average(
-        [each[:2] for each in band], axis=0, weights=[loop.n for loop, _ in pairs]
+    width, height = np.max(
+        [loop_width_and_height(loop, even=even) for loop in centred.loops], 0
     ).tolist()
-    dynamics = resonance_line(loopset) or lag_line(loopset) or turning_line(loopset)
+    loop_residuals = single_valued_residuals(
+        loopset
+    )  # grouped by gap, not in the order of the loops
+    pooled = np.abs(np.concatenate([residual for _, residual in loop_residuals]))
+    mean, worst = float(pooled.mean()), float(pooled.max())
+    band_figures = [_band_residuals(*pair) for pair in loop_residuals]
+    band_mean, band_noise = np.average(
+        [each[:2] for each in band_figures], axis=0, weights=[loop.n for loop, _ in loop_residuals]
+    ).tolist()
+    dynamics = (
+        describe_resonance(loopset) or describe_coil_lag(loopset) or describe_turn_back(loopset)
+    )
     counts = np.array([loop.n for loop in loopset.loops], dtype=np.float64)
-    sigmas = np.array([noise(loop.output) for loop in loopset.loops])
+    sigmas = np.array([estimate_noise(loop.output) for loop in loopset.loops])
     floor = _MEAN_OF_NORMAL * float(np.average(sigmas, weights=counts))
     largest = largest_output(loopset)
     span = max(float(np.ptp(loop.input)) for loop in loopset.loops)
@@ -178,28 +184,32 @@ def judge(loopset: Loops) -> Verdict:
         noise_mean=floor,
         noise_relative=floor / largest,
         gain=gain,
-        averaged=max(each[2] for each in band),
+        averaged=max(each[2] for each in band_figures),
         band_noise_relative=band_noise / largest,
         dynamics=dynamics,
         sentences=(),
     )
-    return replace(figures, sentences=_sentences(loopset, figures))
+    return replace(figures, sentences=_verdict_sentences(loopset, figures))
 
 
-def _in_band(loop: Loop, residual: FloatArray) -> tuple[float, float, int]:
+def _band_residuals(loop: Loop, residual: FloatArray) -> tuple[float, float, int]:
     """Return the mean residual and that of noise alone in averages that resolve a branch, their size."""
-    size = max(int(loop.n / (MIN_SAMPLES_PER_BRANCH * len(branches(loop.input))) + 0.5), 1)
+    size = max(int(loop.n / (MIN_SAMPLES_PER_BRANCH * len(find_branches(loop.input))) + 0.5), 1)
     starts = np.arange(0, loop.n - size + 1, size)
-    over, output = (np.add.reduceat(each, starts) / size for each in (residual, loop.output))
+    residuals, output = (np.add.reduceat(each, starts) / size for each in (residual, loop.output))
     # The last average may have more samples.
-    inside = slice(0, -1) if size > 1 else slice(None)
-    return float(np.mean(np.abs(over[inside]))), _MEAN_OF_NORMAL * noise(output[inside]), size
+    full_averages = slice(0, -1) if size > 1 else slice(None)
+    return (
+        float(np.mean(np.abs(residuals[full_averages]))),
+        _MEAN_OF_NORMAL * estimate_noise(output[full_averages]),
+        size,
+    )
 
 
-def _sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
+def _verdict_sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
     drive, answer = loopset.input, loopset.output
     reference = name_full_scale(answer, largest_output(loopset))
-    unit, scale = in_small_unit(answer, largest_output(loopset))
+    unit, scale = choose_display_unit(answer, largest_output(loopset))
     conclusion = {
         "yes": "A hysteresis model is worth it",
         "little": "A hysteresis model gains little",
@@ -227,15 +237,17 @@ def _sentences(loopset: Loops, figures: Verdict) -> tuple[str, ...]:
         verdict,
     )
     needs_more = figures.level in {"little", "no"}
-    more = f"{WHERE_IT_PAYS[0].upper()}{WHERE_IT_PAYS[1:]}."
+    more = f"{GAIN_ADVICE[0].upper()}{GAIN_ADVICE[1:]}."
     return (*sentences, more) if needs_more else sentences
 
 
-def _residuals(curves: list[tuple[Loop, FloatArray, FloatArray]]) -> list[tuple[Loop, FloatArray]]:
+def _curve_residuals(
+    curves: list[tuple[Loop, FloatArray, FloatArray]],
+) -> list[tuple[Loop, FloatArray]]:
     size = np.concatenate([along for _, along, _ in curves])
     answer = np.concatenate([own for _, _, own in curves])
     order = np.argsort(size, kind="stable")
-    starts = np.linspace(0, size.size, min(size.size, _BINS) + 1).astype(np.intp)[:-1]
+    starts = np.linspace(0, size.size, min(size.size, _MAX_BINS) + 1).astype(np.intp)[:-1]
     counts = np.diff(np.concatenate((starts, [size.size]))).astype(np.float64)
     x = np.add.reduceat(size[order], starts) / counts
     y = np.add.reduceat(answer[order], starts) / counts
@@ -244,5 +256,5 @@ def _residuals(curves: list[tuple[Loop, FloatArray, FloatArray]]) -> list[tuple[
     counts = np.add.reduceat(counts, first)
     y = y / counts
     rising = float(np.dot(x - x.mean(), y - y.mean())) >= 0.0
-    curve = monotone_fit(y, counts) if rising else -monotone_fit(-y, counts)
+    curve = fit_monotone(y, counts) if rising else -fit_monotone(-y, counts)
     return [(loop, own - np.interp(along, x, curve)) for loop, along, own in curves]

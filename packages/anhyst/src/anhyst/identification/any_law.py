@@ -15,27 +15,27 @@ import numpy as np
 
 from anhyst.data import Loops
 from anhyst.data.output_map import output_map
-from anhyst.identification.bare import is_over_gap
-from anhyst.identification.default import KEPT, SCREENED
+from anhyst.identification.default_search import MAX_STARTS, SCREENED_SETS
 from anhyst.identification.fit_records import FitRecords
-from anhyst.identification.objective import IMPOSSIBLE
+from anhyst.identification.model_building import is_scheduled_over_gap
+from anhyst.identification.objective import NO_ANSWER_DEVIATION
 from anhyst.identification.run import Outcome
-from anhyst.identification.screening import evenly
-from anhyst.identification.uncertainty import memory, statements
+from anhyst.identification.screening import sample_unit_cube
+from anhyst.identification.uncertainty import correlation_length, describe_uncertainty
 from anhyst.laws import LAWS
 from anhyst.laws.law import Law
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import MAY_VARY, GapMap, Parameter
 from anhyst.model.schema import Uncertainty
-from anhyst.support.errors import InputError, NegativeResult, NowhereNearError
+from anhyst.support.errors import InputError, NegativeResult, NoUsableStartError
 from anhyst.support.numeric import FloatArray
 
-_OFFSET = 0.1  # largest offset, in parts of the span
-_GAIN = 1e3  # how far the gain may go from that of the best straight line, either way
+_MAX_OFFSET_SHARE = 0.1  # largest offset, in parts of the span
+_MAX_GAIN_RATIO = 1e3  # how far the gain may go from that of the best straight line, either way
 
 
 @dataclass(frozen=True, slots=True)
-class _Entry:
+class _Coordinate:
     """A number that is moved: its parameter, its node (None: the same at all), and its range."""
 
     name: str
@@ -49,7 +49,7 @@ class _Entry:
             return float(self.low * (self.high / self.low) ** part)
         return self.low + (self.high - self.low) * part
 
-    def slope(self, part: float) -> float:
+    def derivative(self, part: float) -> float:
         """Return the derivative of the value."""
         if self.low > 0.0:
             return float(self.value(part) * np.log(self.high / self.low))
@@ -57,7 +57,7 @@ class _Entry:
 
 
 @dataclass(eq=False)
-class _Problem:
+class _AnyLawProblem:
     """Loops under one law and one gap map."""
 
     law: Law
@@ -68,7 +68,7 @@ class _Problem:
     evaluations: int = 0
 
     @cached_property
-    def entries(self) -> tuple[_Entry, ...]:
+    def entries(self) -> tuple[_Coordinate, ...]:
         """What the spread moves; gain and offsets join for the descent."""
         span = self.records.input_span
         ranges = {
@@ -78,7 +78,7 @@ class _Problem:
         }
         if self.gap_map in {"reluctance", "circuit"}:
             ranges["rho"] = (1e-3, 1e3)
-        if output_map(self.loopset.output).absolute and self.loopset.input.name != "field":
+        if output_map(self.loopset.output).is_flux_density and self.loopset.input.name != "field":
             ranges["c_H"] = (10.0 / span, 1e5 / span)
         elif self.gap_map == "scaling":
             ranges["c_H"] = (0.1, 10.0)
@@ -87,13 +87,13 @@ class _Problem:
             varying = ranges
         moving = []
         for name, (low, high) in ranges.items():
-            is_varying = self.records.gaps > 1 and name in varying
-            nodes = range(self.records.gaps) if is_varying else (None,)
-            moving += [_Entry(name, node, low, high) for node in nodes]
-        gauge = _Entry("c_H", 0, 0.1, 10.0)
+            is_varying = self.records.gap_count > 1 and name in varying
+            nodes = range(self.records.gap_count) if is_varying else (None,)
+            moving += [_Coordinate(name, node, low, high) for node in nodes]
+        gauge = _Coordinate("c_H", 0, 0.1, 10.0)
         return tuple(entry for entry in moving if entry != gauge)
 
-    def model(self, entries: tuple[_Entry, ...], theta: FloatArray) -> Model:
+    def model(self, entries: tuple[_Coordinate, ...], theta: FloatArray) -> Model:
         """Return the model at a point of the cube of some entries."""
         nodes = self.loopset.schedule_values
         values: dict[str, Parameter] = {"c_H": 1.0, "c_out": 1.0}
@@ -134,14 +134,14 @@ class _Problem:
         self.measured = np.concatenate([loop.output for loop in loops])
         self.weights = np.concatenate([np.full(loop.output.size, loop.weight) for loop in loops])
 
-    def residuals(self, entries: tuple[_Entry, ...], theta: FloatArray) -> FloatArray:
+    def residuals(self, entries: tuple[_Coordinate, ...], theta: FloatArray) -> FloatArray:
         """Weighted deviations."""
         outputs = self.outputs(self.model(entries, theta))
         if outputs is None:
-            return IMPOSSIBLE * self.records.output_span * self.weights
+            return NO_ANSWER_DEVIATION * self.records.output_span * self.weights
         return np.asarray((outputs - self.measured) * self.weights)
 
-    def straight(self, shape: FloatArray) -> tuple[float, float, float]:
+    def fit_line(self, shape: FloatArray) -> tuple[float, float, float]:
         """Return gain and offset of the best straight line from a shape, and its cost."""
         columns = np.stack([shape, np.ones(shape.size) * self.offsets], axis=1)
         weighted = columns * self.weights[:, None]
@@ -150,65 +150,69 @@ class _Problem:
         off = weighted @ np.array([gain, offset]) - target
         return float(gain), float(offset), float(off @ off) if gain > 0.0 else np.inf
 
-    def begins(self, seed: int) -> list[tuple[float, tuple[_Entry, ...], FloatArray]]:
+    def find_starts(self, seed: int) -> list[tuple[float, tuple[_Coordinate, ...], FloatArray]]:
         """Return the best sets of a spread: cost, and where a descent begins."""
         free = [entry.name for entry in self.entries if not entry.node]  # all nodes alike
         starts = []
-        for draw in evenly(len(free), SCREENED, seed).T:
+        for draw in sample_unit_cube(len(free), SCREENED_SETS, seed).T:
             drawn = dict(zip(free, draw, strict=True))
             theta = np.array([drawn.get(entry.name, 0.5) for entry in self.entries])
             shape = self.outputs(self.model(self.entries, theta))
             if shape is None or not np.ptp(shape):
                 continue
-            gain, offset, cost = self.straight(shape)
+            gain, offset, cost = self.fit_line(shape)
             if np.isfinite(cost):
-                starts.append((cost, *self._with_ends(theta, gain, offset)))
-        return sorted(starts, key=lambda start: start[0])[:KEPT]
+                starts.append((cost, *self._add_gain_and_offsets(theta, gain, offset)))
+        return sorted(starts, key=lambda start: start[0])[:MAX_STARTS]
 
-    def _with_ends(
+    def _add_gain_and_offsets(
         self, theta: FloatArray, gain: float, offset: float
-    ) -> tuple[tuple[_Entry, ...], FloatArray]:
+    ) -> tuple[tuple[_Coordinate, ...], FloatArray]:
         """Let gain and offsets be moved too, from what the straight line says."""
         entries, parts = list(self.entries), theta.tolist()
-        if not output_map(self.loopset.output).absolute:
-            entries.append(_Entry("c_out", None, gain / _GAIN, gain * _GAIN))
+        if not output_map(self.loopset.output).is_flux_density:
+            entries.append(
+                _Coordinate("c_out", None, gain / _MAX_GAIN_RATIO, gain * _MAX_GAIN_RATIO)
+            )
             parts.append(0.5)
         if self.offsets:
             for name, span in (
-                ("in_0", _OFFSET * self.records.input_span),
+                ("in_0", _MAX_OFFSET_SHARE * self.records.input_span),
                 ("out_0", max(self.records.output_span, 2.0 * abs(offset))),
             ):
-                entries.append(_Entry(name, None, -span, span))
+                entries.append(_Coordinate(name, None, -span, span))
                 parts.append(0.5 if name == "in_0" else 0.5 + 0.5 * offset / span)
         return tuple(entries), np.array(parts)
 
 
-def fit_any(
+def fit_any_law(
     loopset: Loops, records: FitRecords, law: str, gap_map: str, seed: int, offsets: bool
 ) -> Outcome:
     """Fit a law through its iron alone."""
     maps: tuple[GapMap, ...] = ("scaling",)
-    if records.gaps < 2:
+    if records.gap_count < 2:
         maps = ("none",)
     elif gap_map != "auto":
         maps = (gap_map,)  # type: ignore[assignment]  # the caller has checked it
-    elif is_over_gap(loopset):
+    elif is_scheduled_over_gap(loopset):
         maps = ("scaling", "reluctance")
-    ends = [_descend(_Problem(LAWS[law], name, loopset, records, offsets), seed) for name in maps]
+    ends = [
+        _descend(_AnyLawProblem(LAWS[law], name, loopset, records, offsets), seed) for name in maps
+    ]
     _, best = min(ends, key=lambda end: end[0])
     return replace(best, evaluations=sum(outcome.evaluations for _, outcome in ends))
 
 
-def _descend(problem: _Problem, seed: int) -> tuple[float, Outcome]:
+def _descend(problem: _AnyLawProblem, seed: int) -> tuple[float, Outcome]:
     """Return the cost and what least squares come to under one gap map."""
     from scipy.optimize import OptimizeResult, least_squares
 
-    begins = problem.begins(seed)
+    begins = problem.find_starts(seed)
     if not begins:
-        raise NowhereNearError
+        raise NoUsableStartError
 
     def descend(
-        entries: tuple[_Entry, ...], theta: FloatArray, tolerance: float, most: int
+        entries: tuple[_Coordinate, ...], theta: FloatArray, tolerance: float, most: int
     ) -> OptimizeResult:
         return least_squares(
             lambda at: problem.residuals(entries, at),
@@ -231,8 +235,8 @@ def _descend(problem: _Problem, seed: int) -> tuple[float, Outcome]:
 
 
 def _assess(
-    problem: _Problem,
-    entries: tuple[_Entry, ...],
+    problem: _AnyLawProblem,
+    entries: tuple[_Coordinate, ...],
     theta: FloatArray,
     deviation: FloatArray,
     jacobian: FloatArray,
@@ -241,13 +245,17 @@ def _assess(
     normal = jacobian.T @ jacobian
     variance = float(deviation @ deviation) / max(1, deviation.size - theta.size)
     floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
-    covariance = variance * memory(deviation) * np.linalg.inv(normal + floor * np.eye(theta.size))
+    covariance = (
+        variance
+        * correlation_length(deviation)
+        * np.linalg.inv(normal + floor * np.eye(theta.size))
+    )
     spread = np.sqrt(np.diag(covariance))
-    keys = problem.model(entries, theta).keys
+    keys = problem.model(entries, theta).file_keys
     names = [keys[e.name][1] + ("" if e.node is None else f"[{e.node}]") for e in entries]
     values = [entry.value(part) for entry, part in zip(entries, theta.tolist(), strict=True)]
     stds = [
-        float(std * entry.slope(part))
+        float(std * entry.derivative(part))
         for entry, part, std in zip(entries, theta.tolist(), spread.tolist(), strict=True)
     ]
     correlation = covariance / np.outer(spread, spread)
@@ -256,5 +264,5 @@ def _assess(
         values=tuple(values),
         std=tuple(stds),
         correlation=tuple(tuple(row) for row in correlation.tolist()),
-        statements=tuple(statements(names, values, stds, correlation)),
+        statements=tuple(describe_uncertainty(names, values, stds, correlation)),
     )

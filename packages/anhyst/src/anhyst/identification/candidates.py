@@ -9,31 +9,31 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.identification.bare import is_over_gap
-from anhyst.identification.cell_kernel import LAW_OF, CellKernel
+from anhyst.identification.cell_kernel import LAW_BY_SHAPE, CellKernel
 from anhyst.identification.cross_validation import (
-    AS_GOOD,
+    EQUAL_ERROR_RATIO,
     Fold,
-    LeftOut,
-    Miss,
     Refit,
-    better,
-    mean_difference,
-    mean_of,
-    mean_square_of,
+    WithheldError,
+    WithheldKind,
+    is_better,
+    mean_error,
+    mean_log_ratio,
+    mean_square_error,
 )
-from anhyst.identification.default import FoundModel
+from anhyst.identification.default_search import FoundModel
 from anhyst.identification.fit_records import FitRecords
+from anhyst.identification.model_building import is_scheduled_over_gap
 from anhyst.identification.run import SearchRun
-from anhyst.identification.space import WRITTEN
-from anhyst.identification.uncertainty import OFFSETS
+from anhyst.identification.space import FILE_GAP_MAPS
+from anhyst.identification.uncertainty import OFFSET_NAMES
 from anhyst.laws.cells import Shape
-from anhyst.model.left_over import EXACT
+from anhyst.model.residual_analysis import NEGLIGIBLE_DEVIATION
 from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 
-POPULATIONS = 3  # of play cells that are tried, at most
+MAX_POPULATIONS = 3  # of play cells that are tried, at most
 
-_STEP = 10
+_RANK_STEP = 10
 
 
 @dataclass(frozen=True)
@@ -41,44 +41,46 @@ class ModelCandidate:
     """A law and a gap map, and what they may vary."""
 
     gap_map: str  # the map
-    held: frozenset[str]  # parameters that are zero and not fitted
+    fixed: frozenset[str]  # parameters that are zero and not fitted
     # parameters that are the same at every gap although the map lets them differ
     common: frozenset[str] = frozenset()
     # complexity: one of a higher rank is taken only where it is better by more than its scatter
     rank: int = 0
     cells: CellKernel | None = None  # play cells, in how many populations; None: the law of the run
-    polished: bool = False  # whether every weight of the cells has moved by itself at the end
+    has_fitted_weights: bool = (
+        False  # whether every weight of the cells has moved by itself at the end
+    )
 
     @property
-    def written_map(self) -> str:
+    def file_gap_map(self) -> str:
         """Gap map that a candidate has in a model file."""
-        return WRITTEN.get(self.gap_map, self.gap_map)
+        return FILE_GAP_MAPS.get(self.gap_map, self.gap_map)
 
     def title(self, law: str) -> str:
         """Return the name for a report, with the gap map, in a run with this law."""
         if self.cells is None:
             return law
-        count = self.cells.populations
-        text = f"{LAW_OF[self.cells.shape]}, {count} population{'s' if count > 1 else ''}"
-        if "omega" in self.held:
+        count = self.cells.population_count
+        text = f"{LAW_BY_SHAPE[self.cells.shape]}, {count} population{'s' if count > 1 else ''}"
+        if "omega" in self.fixed:
             text += ", no interaction"
-        return f"{text}, weights fitted" if self.polished else text
+        return f"{text}, weights fitted" if self.has_fitted_weights else text
 
     def details(self) -> list[str]:
         """Return what distinguishes a candidate from others of the same name."""
-        free = OFFSETS - self.held
+        free = OFFSET_NAMES - self.fixed
         return [
-            *(["no interaction"] if "omega" in self.held and self.cells is None else []),
+            *(["no interaction"] if "omega" in self.fixed and self.cells is None else []),
             *(["one leakage path"] if self.gap_map == "leakage" else []),
             *(["a gain at each gap"] if self.gap_map == "circuit" else []),
             *([f"offsets {'of all gaps' if self.common else 'free'}"] if free else []),
         ]
 
 
-def titles(candidates: Sequence[ModelCandidate], law: str) -> list[str]:
+def make_titles(candidates: Sequence[ModelCandidate], law: str) -> list[str]:
     """Return a name for each candidate, under its gap map; no two are the same."""
     names = [candidate.title(law) for candidate in candidates]
-    keys = [(name, each.written_map) for name, each in zip(names, candidates, strict=True)]
+    keys = [(name, each.file_gap_map) for name, each in zip(names, candidates, strict=True)]
     alike = Counter(keys)
     return [
         ", ".join([key[0], *(candidate.details() if alike[key] > 1 else ())])
@@ -88,7 +90,7 @@ def titles(candidates: Sequence[ModelCandidate], law: str) -> list[str]:
 
 def require_gaps(records: FitRecords, gap_map: str) -> None:
     """Refuse a gap map where there is nothing to see of it."""
-    if gap_map != "auto" and records.gaps < 2:
+    if gap_map != "auto" and records.gap_count < 2:
         raise InputError(
             f"gap map '{gap_map}' needs loops at two gaps or more, there are loops at one; measure "
             "another gap, or use --gap-map auto for a model of this gap alone",
@@ -105,11 +107,11 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
     for other schedules. The offsets of a sensor do not depend on the gap: ``circuit`` lets them
     only where it is asked for.
     """
-    gaps, held = run.searched.gaps, run.held
+    gaps, held = run.search_records.gap_count, run.fixed
     if gap_map == "circuit":
         candidates = [ModelCandidate("leakage", held)] if gaps >= 3 else []
-        candidates.append(ModelCandidate("circuit", held, OFFSETS, rank=1))
-        apart = gaps >= 3 and not held >= OFFSETS
+        candidates.append(ModelCandidate("circuit", held, OFFSET_NAMES, rank=1))
+        apart = gaps >= 3 and not held >= OFFSET_NAMES
         return [*candidates, ModelCandidate("circuit", held, rank=2)] if apart else candidates
     if gap_map == "free":
         # With everything free at each gap, interaction and shape of the anhysteretic replace each
@@ -119,10 +121,10 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
         if gaps < 3:
             return [ModelCandidate("free", held)]
         candidates = [
-            ModelCandidate("free", held | OFFSETS),
-            ModelCandidate("free", held | OFFSETS | {"omega"}),
+            ModelCandidate("free", held | OFFSET_NAMES),
+            ModelCandidate("free", held | OFFSET_NAMES | {"omega"}),
         ]
-        if not held >= OFFSETS:
+        if not held >= OFFSET_NAMES:
             candidates += [
                 ModelCandidate("free", held, rank=1),
                 ModelCandidate("free", held | {"omega"}, rank=1),
@@ -131,25 +133,25 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
     if gap_map != "auto":
         return [ModelCandidate(gap_map, held)]
     candidates = [ModelCandidate("scaling", held)]
-    if not is_over_gap(loopset):
+    if not is_scheduled_over_gap(loopset):
         others = map_candidates(run, loopset, "free")
         return candidates + [replace(other, rank=other.rank + 1) for other in others]
-    if not run.form.kernel.coupled:
+    if not run.form.kernel.is_coupled:
         candidates.append(ModelCandidate("reluctance", held))
         candidates += [ModelCandidate("leakage", held, rank=1)] if gaps >= 3 else []
     return candidates
 
 
-def cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> ModelCandidate:
+def select_cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> ModelCandidate:
     """Name the gap map under which play cells are searched for: the most flexible of a gap's."""
     order = ("leakage", "circuit", "reluctance")
     able = [candidate for candidate in maps if candidate.gap_map in order]
     return min(able, key=lambda candidate: order.index(candidate.gap_map)) if able else base
 
 
-def under(cells: ModelCandidate, other: ModelCandidate) -> ModelCandidate:
+def with_gap_map(cells: ModelCandidate, other: ModelCandidate) -> ModelCandidate:
     """Name play cells under the gap map of another candidate."""
-    return replace(other, cells=cells.cells, rank=cells.rank - cells.rank % _STEP + other.rank)
+    return replace(other, cells=cells.cells, rank=cells.rank - cells.rank % _RANK_STEP + other.rank)
 
 
 def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[ModelCandidate]:
@@ -158,40 +160,40 @@ def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[Mod
     A population more is a step in complexity larger than any between maps.
     """
     return [
-        replace(base, cells=CellKernel(shape, count), rank=base.rank + _STEP * (2 * count - 1))
-        for count in range(1, POPULATIONS + 1)
+        replace(base, cells=CellKernel(shape, count), rank=base.rank + _RANK_STEP * (2 * count - 1))
+        for count in range(1, MAX_POPULATIONS + 1)
         for shape in shapes
     ]
 
 
 def without_interaction(candidate: ModelCandidate) -> ModelCandidate:
     """Name the same play cells without interaction; they are simpler by that number."""
-    return replace(candidate, held=candidate.held | {"omega"}, rank=candidate.rank - 1)
+    return replace(candidate, fixed=candidate.fixed | {"omega"}, rank=candidate.rank - 1)
 
 
-def polished(candidate: ModelCandidate) -> ModelCandidate:
+def with_fitted_weights(candidate: ModelCandidate) -> ModelCandidate:
     """Name the same play cells with every weight fitted."""
-    return replace(candidate, polished=True, rank=candidate.rank + _STEP)
+    return replace(candidate, has_fitted_weights=True, rank=candidate.rank + _RANK_STEP)
 
 
-_NEAR = 4.0
+_MAX_SQUARE_RATIO_OF_RIVALS = 4.0
 """Mean square over the least one, of what was left out, up to which a candidate might be chosen if one
 place had not been seen."""
 
-_CERTAIN = 2.0
+_CELL_SIGMAS_FOR_BLOCKS = 2.0
 """Standard errors by which other play cells must be better where only blocks of samples are left out:
 any cells that follow the loop foresee those, and they say less of other runs than loops do."""
 
-_PLAIN = 1.5
+_CLEAR_SQUARE_RATIO = 1.5
 """Mean square over that of other play cells, of the loops and of blocks left out, from which on nobody
 waits for certainty: the standard error is of few blocks, and most of it of the one that gains most."""
 
 
-_SEVERAL = 2.5
+_WORSE_FIT_RATIO = 2.5
 """Rms deviation of a fit over that of another, both above the noise, from which on the other law is
 taken if it predicts what was withheld as well: a law that cannot follow the loops is the wrong one."""
 
-_LEAST_EXCESS = 0.1  # part of a cost that is not taken for noise, however noisy the output is
+_MIN_EXCESS_SHARE = 0.1  # part of a cost that is not taken for noise, however noisy the output is
 
 FAILURES = (InputError, NegativeResult, NoResponseError, np.linalg.LinAlgError)
 """Errors of a fit that end a candidate, not the search."""
@@ -201,148 +203,175 @@ FAILURES = (InputError, NegativeResult, NoResponseError, np.linalg.LinAlgError)
 class Fits:
     """Two fits under one candidate: offsets free, and only those that the data demand."""
 
-    wide: FoundModel
-    lean: FoundModel
+    full: FoundModel
+    reduced: FoundModel
 
 
 @dataclass(eq=False)
-class Contest:
+class Comparison:
     """All that was fitted: to all gaps, and without some."""
 
-    entrants: list[ModelCandidate]
+    eligible: list[ModelCandidate]
     fits: dict[ModelCandidate, Fits]
     refits: dict[Fold, dict[ModelCandidate, Refit]]
-    left_out: Sequence[int]
-    by: LeftOut = "gap"
+    withheld: Sequence[int]
+    withheld_kind: WithheldKind = "gap"
     noise: float = 0.0  # cost of the noise of the sensor
     dropped: dict[ModelCandidate, str] = field(default_factory=dict)  # reason for each that failed
 
-    def drop(self, failed: ModelCandidate, error: Exception) -> None:
+    def drop(self, candidate: ModelCandidate, error: Exception) -> None:
         """Let a candidate that failed no longer take part."""
-        self.dropped[failed] = getattr(error, "what", str(error))
-        if failed in self.entrants:
-            self.entrants.remove(failed)
+        self.dropped[candidate] = getattr(error, "what", str(error))
+        if candidate in self.eligible:
+            self.eligible.remove(candidate)
 
-    def misses(self, entrant: ModelCandidate, besides: Fold = frozenset()) -> list[Miss]:
+    def withheld_errors(
+        self, candidate: ModelCandidate, outer_fold: Fold = frozenset()
+    ) -> list[WithheldError]:
         """Return the errors of a candidate on each part that was left out."""
         return [
-            self.refits[besides | {index}][entrant].missed[index]
-            for index in self.left_out
-            if index not in besides
+            self.refits[outer_fold | {index}][candidate].errors[index]
+            for index in self.withheld
+            if index not in outer_fold
         ]
 
-    def is_tried(self, entrant: ModelCandidate, besides: Fold = frozenset()) -> bool:
+    def has_all_refits(self, candidate: ModelCandidate, outer_fold: Fold = frozenset()) -> bool:
         """Whether a candidate was fitted without each part."""
-        return all(entrant in self.refits[besides | {index}] for index in self.left_out)
+        return all(candidate in self.refits[outer_fold | {index}] for index in self.withheld)
 
-    def near(self) -> list[ModelCandidate]:
+    def find_rivals(self) -> list[ModelCandidate]:
         """Return the candidates that might win if one part had not been measured."""
-        squares = {entrant: mean_square_of(self.misses(entrant)) for entrant in self.entrants}
-        most = _NEAR * min(squares.values())
+        squares = {
+            entrant: mean_square_error(self.withheld_errors(entrant)) for entrant in self.eligible
+        }
+        most = _MAX_SQUARE_RATIO_OF_RIVALS * min(squares.values())
         return [
-            model for model in self.entrants if squares[model] <= most or model == self.winner()
+            model
+            for model in self.eligible
+            if squares[model] <= most or model == self.select_best()
         ]
 
-    def winner(self, besides: Fold = frozenset()) -> ModelCandidate:
+    def select_best(self, outer_fold: Fold = frozenset()) -> ModelCandidate:
         """Choose from all places, or from all but some."""
-        tried = [entrant for entrant in self.entrants if self.is_tried(entrant, besides)]
-        missed = {entrant: self.misses(entrant, besides) for entrant in tried}
+        tried = [entrant for entrant in self.eligible if self.has_all_refits(entrant, outer_fold)]
+        missed = {entrant: self.withheld_errors(entrant, outer_fold) for entrant in tried}
         if not any(missed.values()):
             simplest = min(
-                self.entrants, key=lambda entrant: (entrant.rank, self._cost(entrant, besides))
+                self.eligible, key=lambda entrant: (entrant.rank, self._cost(entrant, outer_fold))
             )
-            return self._replaced(simplest, self.entrants, besides)
+            return self._replace_by_better_fit(simplest, self.eligible, outer_fold)
         best = None
         for rank in sorted({entrant.rank for entrant in tried}):
             alike = [entrant for entrant in tried if entrant.rank == rank]
-            means = {model: mean_square_of(_compared(missed[model], alike)) for model in alike}
-            enough = AS_GOOD * min(means.values())
+            means = {
+                model: mean_square_error(_comparable_errors(missed[model], alike))
+                for model in alike
+            }
+            enough = EQUAL_ERROR_RATIO * min(means.values())
             first = next(entrant for entrant, mean in means.items() if mean <= enough)
-            if best is None or self._is_better(first, best, besides):
+            if best is None or self._is_better(first, best, outer_fold):
                 best = first
         assert best is not None
-        return self._replaced(best, tried, besides)
+        return self._replace_by_better_fit(best, tried, outer_fold)
 
-    def _replaced(
-        self, best: ModelCandidate, tried: Sequence[ModelCandidate], besides: Fold
+    def _replace_by_better_fit(
+        self, best: ModelCandidate, tried: Sequence[ModelCandidate], outer_fold: Fold
     ) -> ModelCandidate:
         """Return the simplest candidate that fits several times better and predicts as well."""
-        while able := [other for other in tried if self._should_replace(best, other, besides)]:
-            best = min(able, key=lambda other: (other.rank, self._cost(other, besides)))
+        while able := [other for other in tried if self._should_replace(best, other, outer_fold)]:
+            best = min(able, key=lambda other: (other.rank, self._cost(other, outer_fold)))
         return best
 
-    def _is_better(self, other: ModelCandidate, simple: ModelCandidate, besides: Fold) -> bool:
+    def _is_better(self, other: ModelCandidate, simpler: ModelCandidate, outer_fold: Fold) -> bool:
         """Whether a candidate predicts better than a simpler one, by more than the scatter.
 
         Of blocks, also whether it is much better on both fitted and left-out data.
         """
-        pair = [simple, other]
-        blocks = self.by == "block"
-        certain = _CERTAIN if blocks and simple.cells else 1.0
-        own, others = (_compared(self.misses(each, besides), pair) for each in pair)
-        is_better = better(own, others, certain)
-        if is_better or not blocks:
-            return is_better
-        squares = [mean_square_of(self.misses(each, besides)) for each in pair]
-        costs = [self._cost(each, besides) for each in pair]
-        return bool(squares[0] > _PLAIN * squares[1] and costs[0] > _PLAIN * costs[1])
+        pair = [simpler, other]
+        blocks = self.withheld_kind == "block"
+        certain = _CELL_SIGMAS_FOR_BLOCKS if blocks and simpler.cells else 1.0
+        own, others = (
+            _comparable_errors(self.withheld_errors(each, outer_fold), pair) for each in pair
+        )
+        has_smaller_error = is_better(own, others, certain)
+        if has_smaller_error or not blocks:
+            return has_smaller_error
+        squares = [mean_square_error(self.withheld_errors(each, outer_fold)) for each in pair]
+        costs = [self._cost(each, outer_fold) for each in pair]
+        return bool(
+            squares[0] > _CLEAR_SQUARE_RATIO * squares[1]
+            and costs[0] > _CLEAR_SQUARE_RATIO * costs[1]
+        )
 
-    def _should_replace(self, best: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
+    def _should_replace(
+        self, best: ModelCandidate, other: ModelCandidate, outer_fold: Fold
+    ) -> bool:
         """Whether another candidate fits several times better and predicts as well."""
-        if not self.is_several_times_worse(best, other, besides):
+        if not self.is_several_times_worse(best, other, outer_fold):
             return False
-        if not self.left_out:
+        if not self.withheld:
             return True
-        mean, error = mean_difference(self.misses(best, besides), self.misses(other, besides))
+        mean, error = mean_log_ratio(
+            self.withheld_errors(best, outer_fold), self.withheld_errors(other, outer_fold)
+        )
         return mean >= -error
 
     def is_several_times_worse(
-        self, entrant: ModelCandidate, other: ModelCandidate, besides: Fold = frozenset()
+        self, candidate: ModelCandidate, other: ModelCandidate, outer_fold: Fold = frozenset()
     ) -> bool:
         """Whether a candidate fits the loops several times worse than another."""
-        own, least = (self._excess(each, besides) for each in (entrant, other))
-        return own > _SEVERAL**2 * least
+        own, least = (self._excess_cost(each, outer_fold) for each in (candidate, other))
+        return own > _WORSE_FIT_RATIO**2 * least
 
-    def _excess(self, entrant: ModelCandidate, besides: Fold) -> float:
+    def _excess_cost(self, candidate: ModelCandidate, outer_fold: Fold) -> float:
         """Return the cost of a fit above that of the noise, and above what nobody sees."""
-        cost = self._cost(entrant, besides)
-        return max(cost - self.noise, _LEAST_EXCESS * cost, EXACT**2)
+        cost = self._cost(candidate, outer_fold)
+        return max(cost - self.noise, _MIN_EXCESS_SHARE * cost, NEGLIGIBLE_DEVIATION**2)
 
-    def _cost(self, entrant: ModelCandidate, besides: Fold) -> float:
-        return self.refits[besides][entrant].cost if besides else self.fits[entrant].lean.cost
+    def _cost(self, candidate: ModelCandidate, outer_fold: Fold) -> float:
+        return (
+            self.refits[outer_fold][candidate].cost
+            if outer_fold
+            else self.fits[candidate].reduced.cost
+        )
 
-    def error(self, entrant: ModelCandidate) -> float | None:
+    def withheld_error(self, candidate: ModelCandidate) -> float | None:
         """Return the cross-validation error of a candidate; None where nothing was left out."""
-        return mean_of(self.misses(entrant)) if self.left_out else None
+        return mean_error(self.withheld_errors(candidate)) if self.withheld else None
 
-    def finite_error(self, entrant: ModelCandidate) -> float | None:
+    def finite_withheld_error(self, candidate: ModelCandidate) -> float | None:
         """Return the cross-validation error of a candidate; None where it is not finite, too."""
-        error = self.error(entrant)
+        error = self.withheld_error(candidate)
         return error if error is not None and np.isfinite(error) else None
 
-    def errors_of_maps(self, alike: ModelCandidate) -> dict[str, float]:
+    def errors_by_map(self, law_candidate: ModelCandidate) -> dict[str, float]:
         """Return the error of the best variant of each gap map, under the law of a candidate."""
         errors: dict[str, float] = {}
-        for entrant in self.entrants if self.left_out else ():
-            if (entrant.cells, entrant.polished) == (alike.cells, alike.polished):
-                error = mean_of(self.misses(entrant))
-                name = entrant.written_map
+        for entrant in self.eligible if self.withheld else ():
+            if (entrant.cells, entrant.has_fitted_weights) == (
+                law_candidate.cells,
+                law_candidate.has_fitted_weights,
+            ):
+                error = mean_error(self.withheld_errors(entrant))
+                name = entrant.file_gap_map
                 errors[name] = min(error, errors.get(name, np.inf))
         return errors
 
-    def nested(self) -> list[float]:
+    def nested_errors(self) -> list[float]:
         """Errors at places that neither the fit nor the choice has seen."""
         errors = []
-        for index in self.left_out:
+        for index in self.withheld:
             fold = frozenset({index})
-            seen = fold if len(self.left_out) > 1 else frozenset[int]()  # one gap alone decides
-            winner = self.winner(seen) if len(self.entrants) > 1 else self.entrants[0]
-            errors.append(self.refits[fold][winner].missed[index].mean)
+            seen = fold if len(self.withheld) > 1 else frozenset[int]()  # one gap alone decides
+            winner = self.select_best(seen) if len(self.eligible) > 1 else self.eligible[0]
+            errors.append(self.refits[fold][winner].errors[index].mean)
         return errors
 
 
-def _compared(misses: Sequence[Miss], candidates: Sequence[ModelCandidate]) -> list[Miss]:
+def _comparable_errors(
+    misses: Sequence[WithheldError], candidates: Sequence[ModelCandidate]
+) -> list[WithheldError]:
     """Take what says which of some candidates is better: of gap maps, gaps left out alone."""
     if any(candidate.cells for candidate in candidates):
         return list(misses)
-    return [replace(miss, outer=()) for miss in misses]
+    return [replace(miss, outer_squares=()) for miss in misses]

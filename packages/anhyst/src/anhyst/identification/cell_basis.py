@@ -16,29 +16,36 @@ from numpy.typing import NDArray
 from anhyst.laws.cells import CellWeights
 from anhyst.support.numeric import FloatArray
 
-PLAYS = 12  # cells with a threshold: as many as a compiled compensator takes
+PINNED_CELLS = 12  # cells with a threshold: as many as a compiled compensator takes
 
-FINEST = 0.04
+MIN_THRESHOLD_SHARE = 0.04
 """First threshold, in parts of the range of the input; the last is half of it. A finer one does what
 a lag does, and lets the inverse jump where the drive turns."""
 
-WIDTHS = (0.5, 1.0, 2.0, 8.0)  # of the curves, in ranges of the input; the last is all but straight
+CURVE_WIDTHS = (
+    0.5,
+    1.0,
+    2.0,
+    8.0,
+)  # of the curves, in ranges of the input; the last is all but straight
 
-SMOOTH = 1e-3
+SMOOTHNESS = 1e-3
 """Weight of the second differences over the thresholds, in parts of the size of a column; neighbours
 that no sample distinguishes share what they have."""
 
-LEVELS = 20  # thresholds of the grid, and its curves over the range of the input
+GRID_LEVELS = 20  # thresholds of the grid, and its curves over the range of the input
 
-OVERLAP = 0.7
+GRID_CURVE_HALF_WIDTH = 0.7
 """Half-width of a curve on the grid, in steps. Equal weights then add up to a straight line."""
 
-GRID_SMOOTH = (1e-3, 1e-2, 5e-2)
+GRID_SMOOTHNESS_VALUES = (1e-3, 1e-2, 5e-2)
 """Weights of the second differences on the grid; the error at withheld samples selects one."""
 
-FAR = 19.0  # widths from the middle of a curve on, from which on it is 1 to the last digit
+SATURATED_WIDTHS = (
+    19.0  # widths from the middle of a curve on, from which on it is 1 to the last digit
+)
 
-MIN_MOTION = 0.5
+MIN_CURVE_CHANGE = 0.5
 """Least change of a curve, in parts of the largest change, from which on the loops move it. The tail
 of a curve that they do not pass says nothing of its height."""
 
@@ -50,7 +57,7 @@ class CellBasis:
     thresholds: FloatArray
     widths: FloatArray
     centres: FloatArray | None = None  # None: all curves have one middle
-    end: float = np.inf  # largest field of the grid
+    max_field: float = np.inf  # largest field of the grid
     is_even: bool = False  # whether the fields of the grid go as far below zero
 
     @property
@@ -63,7 +70,7 @@ class CellBasis:
         if self.centres is None:
             return np.tanh(fields[:, :, None] / self.widths).reshape(fields.shape[0], -1)
         found = np.tanh((fields[:, :, None] - self.centres) / self.widths)
-        near = self.centres < FAR * self.widths
+        near = self.centres < SATURATED_WIDTHS * self.widths
         if fields.min() < 0.0:
             near[:] = True
         mirrored = np.tanh((fields[:, :, None] + self.centres[near]) / self.widths[near])
@@ -83,15 +90,15 @@ class CellBasis:
             return np.ones(matrix.shape[1], dtype=np.bool_)
         height = np.ptp(matrix, axis=0)
         r, b, slack = self.thresholds[:, None], self.centres, 0.5 * self.thresholds[1]
-        within = (b <= self.end - r + slack) & ((b >= r) | self.is_even)
-        within[:, 0] = r[:, 0] < self.end
-        return np.asarray((height > MIN_MOTION * height.max()) | within.ravel())
+        within = (b <= self.max_field - r + slack) & ((b >= r) | self.is_even)
+        within[:, 0] = r[:, 0] < self.max_field
+        return np.asarray((height > MIN_CURVE_CHANGE * height.max()) | within.ravel())
 
-    def differences(self, kept: NDArray[np.bool_]) -> FloatArray:
+    def second_differences(self, is_solved: NDArray[np.bool_]) -> FloatArray:
         """Return the second differences of the kept columns; columns after the curves have none."""
-        count = np.count_nonzero(kept)
-        place = np.full(kept.size, -1)
-        place[kept] = np.arange(count)
+        count = np.count_nonzero(is_solved)
+        place = np.full(is_solved.size, -1)
+        place[is_solved] = np.arange(count)
         table = place[: self.thresholds.size * self.widths.size].reshape(self.shape)
         # One after the other over the thresholds, and on the grid over centres; not the first,
         # which are the free cell and the straight curve.
@@ -104,7 +111,7 @@ class CellBasis:
         rows[np.arange(len(triples))[:, None], triples] = 1.0, -2.0, 1.0
         return rows
 
-    def cells(self, weights: FloatArray) -> CellWeights:
+    def make_cells(self, weights: FloatArray) -> CellWeights:
         """Return the cells with solved weights, A/m. Thresholds without any weight are dropped."""
         table = weights.reshape(self.shape)
         if self.centres is None:
@@ -119,20 +126,24 @@ class CellBasis:
         )
 
 
-def common_middle(span: float) -> CellBasis:
+def make_common_basis(span: float) -> CellBasis:
     """Return few wide curves with one middle, for an input of some range."""
-    thresholds = np.concatenate([[0.0], span * np.geomspace(FINEST, 0.5, PLAYS)])
-    return CellBasis(thresholds, span * np.array(WIDTHS))
+    thresholds = np.concatenate(
+        [[0.0], span * np.geomspace(MIN_THRESHOLD_SHARE, 0.5, PINNED_CELLS)]
+    )
+    return CellBasis(thresholds, span * np.array(CURVE_WIDTHS))
 
 
-def grid(span: float, *, is_even: bool) -> CellBasis:
+def make_grid_basis(span: float, *, is_even: bool) -> CellBasis:
     """Return curves on a grid over the range of the input, and one that is all but straight.
 
     The fields of an even grid count from the middle of the range, else from its low end.
     """
-    step = span / LEVELS
-    count = LEVELS // 2 if is_even else LEVELS
+    step = span / GRID_LEVELS
+    count = GRID_LEVELS // 2 if is_even else GRID_LEVELS
     centres = np.concatenate([[0.0], step * (np.arange(count) + 0.5)])
-    widths = np.concatenate([[WIDTHS[-1] * span], np.full(count, OVERLAP * step)])
-    thresholds = np.asarray(0.5 * step * np.arange(LEVELS), dtype=np.float64)
+    widths = np.concatenate(
+        [[CURVE_WIDTHS[-1] * span], np.full(count, GRID_CURVE_HALF_WIDTH * step)]
+    )
+    thresholds = np.asarray(0.5 * step * np.arange(GRID_LEVELS), dtype=np.float64)
     return CellBasis(thresholds, widths, centres, count * step, is_even)

@@ -11,53 +11,60 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data import Loop, Loops
-from anhyst.data.estimates import noise
+from anhyst.data.estimates import estimate_noise
 from anhyst.data.path import History, correlation, move_plays
-from anhyst.data.speeds import rate_of
-from anhyst.identification.cell_basis import SMOOTH, CellBasis, common_middle, grid
+from anhyst.data.speeds import cycle_rate
+from anhyst.identification.cell_basis import (
+    SMOOTHNESS,
+    CellBasis,
+    make_common_basis,
+    make_grid_basis,
+)
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
-MIDDLES = (-2.0, -1.0, -0.5, 0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
+MIDDLE_POSITIONS = (-2.0, -1.0, -0.5, 0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 """Of the curves, in ranges of the input above its lowest value."""
 
-LAGS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # in samples
+LAG_SAMPLES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # in samples
 
-LONGEST_AT_ONE_RATE = 1.0
+MAX_LAG_SAMPLES_AT_ONE_RATE = 1.0
 """Of these, where all loops run at about one rate: there a lag and a wider loop are all but the same."""
 
-RATES_APART = 3.0  # fastest loop over slowest one from which on a lag is told from a wider loop
-CREEP = (1 / 200, 1 / 10, 2.0)  # time constants, in parts of the longest record
-SLOWEST_SAMPLE = 3.0  # a time constant is this many samples at least
+MIN_RATE_RATIO = 3.0  # fastest loop over slowest one from which on a lag is told from a wider loop
+CREEP_TIME_SHARES = (1 / 200, 1 / 10, 2.0)  # time constants, in parts of the longest record
+MIN_SAMPLES_PER_TIME_CONSTANT = 3.0  # a time constant is this many samples at least
 
-STRAIGHT = 0.02
+STRAIGHT_SLOPE_SHARE = 0.02
 """Share of the straight part in the mean slope. The model must have one; what is straight beyond is a
 cell on the widest curve, so that the saturation of all cells is more than the output ever is."""
 
-STRAY = 10.0
+OUTLIER_RATIO = 10.0
 """Deviation, in parts of the usual one, from which on a sample shows no loop but a spike, or that the
 amplifier was switched on."""
 
-REACHED = 0.98  # of the way to the far end
-MOST_UNKNOWN = 0.3  # of a record, that may be left out as its first rise
-FEW = 0.02  # most samples that may be left out as such
-MOST_SAMPLES = 20_000  # that are fitted
+FAR_END_SHARE = 0.98  # of the way to the far end
+MAX_UNKNOWN_SHARE = 0.3  # of a record, that may be left out as its first rise
+MAX_OUTLIER_SHARE = 0.02  # most samples that may be left out as such
+MAX_SAMPLES = 20_000  # that are fitted
 
-NOISE = 1.1
+MAX_NOISE_RATIO = 1.1
 """Deviation, in parts of the noise, up to which the noise explains it and no grid is tried."""
 
-FOLDS = 5
+MAX_FOLDS = 5
 """Maximum number of parts that are withheld one after the other: loops, or blocks of few loops."""
 
-BLOCKS = 20
+BLOCKS_PER_FOLD = 20
 """Blocks of a record that are withheld together. With fewer, a fold lacks whole branches; a grid then
 has to extrapolate, and its error says nothing about other records."""
 
-MIN_LOOPS = 3  # loops from which on whole loops are withheld
-CENTRED = 0.1  # middle of the range of the input, in parts of it, up to which an even grid is tried
+MIN_LOOPS_TO_WITHHOLD = 3  # loops from which on whole loops are withheld
+MAX_CENTRE_SHARE = (
+    0.1  # middle of the range of the input, in parts of it, up to which an even grid is tried
+)
 
 LAW = "play-cells"
 
@@ -68,8 +75,8 @@ class Trial:
 
     lag: float  # s
     middle: float  # of the curves (``in_0``)
-    times: tuple[float, ...] = ()  # time constants of the creep, s
-    smooth: float = SMOOTH
+    creep_times: tuple[float, ...] = ()  # time constants of the creep, s
+    smoothness: float = SMOOTHNESS
     weights: FloatArray | None = None
     rms: float = np.inf
 
@@ -81,10 +88,10 @@ class System:
     basis: CellBasis
     matrix: FloatArray  # columns: weights of the cells, of the creep, and the offset either way
     target: FloatArray
-    part: NDArray[np.intp]  # of each row: with which others it is withheld
+    fold_numbers: NDArray[np.intp]  # of each row: with which others it is withheld
 
     @cached_property
-    def kept(self) -> NDArray[np.bool_]:
+    def solved_columns(self) -> NDArray[np.bool_]:
         """The columns that are solved for."""
         curves = self.basis.thresholds.size * self.basis.widths.size
         kept = np.ones(self.matrix.shape[1], dtype=np.bool_)
@@ -94,39 +101,41 @@ class System:
     @cached_property
     def roughness(self) -> FloatArray:
         """Sum of the squared second differences of the weights, as a quadratic form."""
-        differences = self.basis.differences(self.kept)
+        differences = self.basis.second_differences(self.solved_columns)
         return np.asarray(differences.T @ differences)
 
     def solve(self, attempt: Trial, height: float) -> Trial:
         """Solve for the weights of a trial."""
-        seen = self.matrix[:, self.kept]
-        weights = self._weights(seen.T @ seen, seen.T @ self.target, attempt.smooth)
+        seen = self.matrix[:, self.solved_columns]
+        weights = self._solve_weights(seen.T @ seen, seen.T @ self.target, attempt.smoothness)
         off = self.matrix @ weights - self.target
         return replace(attempt, weights=weights, rms=float(np.linalg.norm(off)) * height)
 
-    def withheld_errors(self, smooths: Sequence[float]) -> list[float]:
+    def withheld_errors(self, smoothness_values: Sequence[float]) -> list[float]:
         """Return, for each smoothness, the deviation at parts withheld one after the other."""
-        seen = self.matrix[:, self.kept]
+        seen = self.matrix[:, self.solved_columns]
         normal, pull = seen.T @ seen, seen.T @ self.target
-        squares = np.zeros(len(smooths))
-        for part in range(self.part.max() + 1):
-            out = self.part == part
+        squares = np.zeros(len(smoothness_values))
+        for part in range(self.fold_numbers.max() + 1):
+            out = self.fold_numbers == part
             own, target = seen[out], self.target[out]
             rest = normal - own.T @ own, pull - own.T @ target
-            for index, smooth in enumerate(smooths):
-                weights = self._weights(*rest, smooth)[self.kept]
+            for index, smooth in enumerate(smoothness_values):
+                weights = self._solve_weights(*rest, smooth)[self.solved_columns]
                 squares[index] += float(np.sum((own @ weights - target) ** 2))
         return [float(rms) for rms in np.sqrt(squares)]
 
-    def _weights(self, normal: FloatArray, pull: FloatArray, smooth: float) -> FloatArray:
+    def _solve_weights(self, normal: FloatArray, rhs: FloatArray, smoothness: float) -> FloatArray:
         from scipy.optimize import nnls
 
         size = np.sqrt(np.abs(np.diag(normal)))
-        normal = normal + smooth**2 * size[:, None] * self.roughness * size
+        normal = normal + smoothness**2 * size[:, None] * self.roughness * size
         normal += 1e-12 * np.trace(normal) * np.eye(normal.shape[0])
         factor = np.linalg.cholesky(normal)
-        weights = np.zeros(self.kept.size)
-        weights[self.kept], _ = nnls(factor.T, np.linalg.solve(factor, pull), maxiter=10000)
+        weights = np.zeros(self.solved_columns.size)
+        weights[self.solved_columns], _ = nnls(
+            factor.T, np.linalg.solve(factor, rhs), maxiter=10000
+        )
         return weights
 
 
@@ -135,7 +144,7 @@ class CellProblem:
 
     def __init__(self, loopset: Loops) -> None:
         self.loopset = loopset
-        self.solved = 0
+        self.solve_count = 0
         self.low = min(float(loop.input.min()) for loop in loopset.loops)
         self.span = max(float(loop.input.max()) for loop in loopset.loops) - self.low
         self.height = max(float(np.ptp(loop.output)) for loop in loopset.loops)
@@ -145,49 +154,49 @@ class CellProblem:
                 f"the {name} falls as the {drive} rises; flip the sign of one of the columns",
                 code="output-falls",
             )
-        self.slope = STRAIGHT * self.height / self.span
-        self.basis = common_middle(self.span)
+        self.slope = STRAIGHT_SLOPE_SHARE * self.height / self.span
+        self.basis = make_common_basis(self.span)
         # where the curves may have their middle, in units of the input
-        self.middles = [self.low + part * self.span for part in MIDDLES]
+        self.middles = [self.low + part * self.span for part in MIDDLE_POSITIONS]
         self._plays: dict[tuple[float, float], list[tuple[FloatArray, FloatArray]]] = {}
         self._columns: tuple[tuple[float, float], list[FloatArray]] | None = None
-        self.known = [_known(loop) for loop in loopset.loops]
-        self.counted = self.known
+        self.known_masks = [_mask_known_samples(loop) for loop in loopset.loops]
+        self.fitted_masks = self.known_masks
 
-    def on_grids(self) -> list[CellProblem]:
+    def make_grid_problems(self) -> list[CellProblem]:
         """Return the same problem with curves on a grid from the low end of the input.
 
         If the input goes about as far to either side of zero, an even grid is added.
         """
         middle = self.low + 0.5 * self.span
         found = []
-        for is_even in (True, False) if abs(middle) <= CENTRED * self.span else (False,):
+        for is_even in (True, False) if abs(middle) <= MAX_CENTRE_SHARE * self.span else (False,):
             other = copy(self)
-            other.basis = grid(self.span, is_even=is_even)
+            other.basis = make_grid_basis(self.span, is_even=is_even)
             other.middles = [middle if is_even else self.low]
             other._plays, other._columns = {}, None
             found.append(other)
         return found
 
-    def with_first_rises(self) -> CellProblem:
+    def include_initial_curves(self) -> CellProblem:
         """Return the same problem in which first rises count that begin where the cells do.
 
         Before such a rise, the input was nowhere else. A grid has curves of their own for these.
         """
         other, other_counted = copy(self), []
-        for loop, counted in zip(self.loopset.loops, self.counted, strict=True):
-            before = np.append(_before(loop.history, loop.input), loop.input[0])
-            is_there = np.max(np.abs(before - self.middles[0])) <= (1.0 - REACHED) * self.span
+        for loop, counted in zip(self.loopset.loops, self.fitted_masks, strict=True):
+            before = np.append(_input_before(loop.history, loop.input), loop.input[0])
+            is_there = np.max(np.abs(before - self.middles[0])) <= (1.0 - FAR_END_SHARE) * self.span
             other_counted.append(np.ones_like(counted) if is_there else counted)
-        other.counted = other_counted
+        other.fitted_masks = other_counted
         return other
 
     def exceeds_noise(self, attempt: Trial) -> bool:
         """Whether a fit has a larger residual than the noise of the sensor explains."""
-        noises = [noise(loop.output) for loop in self.loopset.loops]
-        return attempt.rms > NOISE * float(np.sqrt(np.mean(np.square(noises))))
+        noises = [estimate_noise(loop.output) for loop in self.loopset.loops]
+        return attempt.rms > MAX_NOISE_RATIO * float(np.sqrt(np.mean(np.square(noises))))
 
-    def leave_out_strays(self) -> None:
+    def remove_outliers(self) -> None:
         """Leave out few samples that deviate from the best fit without a lag as no loop does."""
         solved = [self.solve(Trial(0.0, middle)) for middle in self.middles]
         best = min(solved, key=lambda attempt: attempt.rms)
@@ -199,12 +208,12 @@ class CellProblem:
         ]
         usual = float(np.median(np.concatenate(off)))
         counted = [
-            known & (deviation <= STRAY * usual)
-            for known, deviation in zip(self.counted, off, strict=True)
+            known & (deviation <= OUTLIER_RATIO * usual)
+            for known, deviation in zip(self.fitted_masks, off, strict=True)
         ]
-        before, after = (np.concatenate(some).sum() for some in (self.counted, counted))
-        if before - after <= FEW * before:
-            self.counted = counted
+        before, after = (np.concatenate(some).sum() for some in (self.fitted_masks, counted))
+        if before - after <= MAX_OUTLIER_SHARE * before:
+            self.fitted_masks = counted
 
     @cached_property
     def clocks(self) -> list[FloatArray]:
@@ -213,33 +222,39 @@ class CellProblem:
         return clocks if len(clocks) == len(self.loopset) else []
 
     @cached_property
-    def step(self) -> float:
+    def sample_time(self) -> float:
         """Time from sample to sample, s; 0 where a loop has none."""
         return float(min((np.median(np.diff(clock)) for clock in self.clocks), default=0.0))
 
     @property
     def rates(self) -> list[float]:
         """Cycle rate of each loop, Hz."""
-        return [rate_of(loop.input, loop.time) for loop in self.loopset.loops]
+        return [cycle_rate(loop.input, loop.time) for loop in self.loopset.loops]
 
     @property
     def lags(self) -> list[float]:
         """That are tried, s."""
-        if not self.step:
+        if not self.sample_time:
             return [0.0]
-        one_rate = max(self.rates) < RATES_APART * min(self.rates)
-        return [part * self.step for part in LAGS if not one_rate or part <= LONGEST_AT_ONE_RATE]
+        one_rate = max(self.rates) < MIN_RATE_RATIO * min(self.rates)
+        return [
+            part * self.sample_time
+            for part in LAG_SAMPLES
+            if not one_rate or part <= MAX_LAG_SAMPLES_AT_ONE_RATE
+        ]
 
     @cached_property
-    def times(self) -> tuple[float, ...]:
+    def creep_times(self) -> tuple[float, ...]:
         """Time constants of the creep, s."""
-        if not self.step:
+        if not self.sample_time:
             return ()
         longest = max(float(clock[-1] - clock[0]) for clock in self.clocks)
-        spread = (part * longest for part in CREEP)
-        return tuple(time for time in spread if time >= SLOWEST_SAMPLE * self.step)
+        spread = (part * longest for part in CREEP_TIME_SHARES)
+        return tuple(
+            time for time in spread if time >= MIN_SAMPLES_PER_TIME_CONSTANT * self.sample_time
+        )
 
-    def plays(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
+    def play_positions(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
         """Return the places of the cells over each loop, and at rest before it, from the middle."""
         if (lag, middle) not in self._plays:
             self._plays |= {(lag, other): [] for other in self.middles}
@@ -249,7 +264,7 @@ class CellProblem:
                 if lag and loop.time is not None:
                     drive = Dynamics(lag).delayed(drive, loop.time)
                 # Cells begin in the middle.
-                lead = _before(loop.history, drive) - middles
+                lead = _input_before(loop.history, drive) - middles
                 lead = np.concatenate([np.zeros_like(middles), lead], axis=1)
                 start = np.zeros((middles.size, thresholds.size))
                 at_rest = move_plays(lead, thresholds, start)[-1]
@@ -261,7 +276,7 @@ class CellProblem:
     def outputs(self, attempt: Trial) -> list[tuple[FloatArray, float]]:
         """Return the output of weights over each loop and before it, without creep and offset."""
         assert attempt.weights is not None
-        found, plays = [], self.plays(attempt.lag, attempt.middle)
+        found, plays = [], self.play_positions(attempt.lag, attempt.middle)
         for columns, (fields, at_rest) in zip(self.columns(attempt), plays, strict=True):
             weights = attempt.weights[: columns.shape[1]]
             rest = self.basis.columns(at_rest[None])[0] @ weights + self.slope * at_rest[0]
@@ -272,84 +287,91 @@ class CellProblem:
         """Return what each weight gives over each loop; the last ones are remembered."""
         key = attempt.lag, attempt.middle
         if self._columns is None or self._columns[0] != key:
-            self._columns = key, [self.basis.columns(fields) for fields, _ in self.plays(*key)]
+            self._columns = (
+                key,
+                [self.basis.columns(fields) for fields, _ in self.play_positions(*key)],
+            )
         return self._columns[1]
 
     def solve(self, attempt: Trial, creeping: Sequence[FloatArray] = ()) -> Trial:
         """Solve for weights; the creep follows the output of the weights that are known already."""
-        self.solved += 1
-        if attempt.times and not creeping:
-            creeping = self.creep(attempt, attempt.times)
-        return self.system(attempt, creeping).solve(attempt, self.height)
+        self.solve_count += 1
+        if attempt.creep_times and not creeping:
+            creeping = self.creep_responses(attempt, attempt.creep_times)
+        return self.make_system(attempt, creeping).solve(attempt, self.height)
 
     def deviation(
-        self, attempt: Trial, creeping: Sequence[FloatArray], some: list[NDArray[np.bool_]]
+        self, attempt: Trial, creeping: Sequence[FloatArray], masks: list[NDArray[np.bool_]]
     ) -> float:
         """Return the root mean square deviation of a solved trial over some samples."""
         assert attempt.weights is not None
-        system = self.system(attempt, creeping, some)
+        system = self.make_system(attempt, creeping, masks)
         return float(np.linalg.norm(system.matrix @ attempt.weights - system.target))
 
-    def system(
+    def make_system(
         self,
         attempt: Trial,
         creeping: Sequence[FloatArray] = (),
-        some: list[NDArray[np.bool_]] | None = None,
+        masks: list[NDArray[np.bool_]] | None = None,
     ) -> System:
         """Return the least-squares problem of a trial, with the slow responses over each loop."""
         rows, targets, parts = [], [], []
-        plays, columns = self.plays(attempt.lag, attempt.middle), self.columns(attempt)
+        plays, columns = self.play_positions(attempt.lag, attempt.middle), self.columns(attempt)
         for index, loop in enumerate(self.loopset.loops):
             weight = 1.0 / (self.height * np.sqrt(loop.n * len(self.loopset)))
             ends = np.ones((loop.n, 1))
             slow = [creeping[index]] if creeping else []
-            counted = (self.counted if some is None else some)[index]
+            counted = (self.fitted_masks if masks is None else masks)[index]
             rows.append(weight * np.hstack([columns[index], *slow, ends, -ends])[counted])
             at_once = self.slope * plays[index][0][:, 0]
             targets.append(weight * (loop.output - at_once)[counted])
-            parts.append(self.parts[index][counted])
+            parts.append(self.fold_numbers[index][counted])
         return System(self.basis, *map(np.concatenate, (rows, targets, parts)))
 
     @cached_property
-    def parts(self) -> list[NDArray[np.intp]]:
+    def fold_numbers(self) -> list[NDArray[np.intp]]:
         """Return with which others each sample is withheld; -1 for samples that never are.
 
         Without the ends of a record, or its largest loops, a fit has to extrapolate, and all fits
         are then alike. A first rise that few curves do not fit is no part of the comparison.
         """
         loops = self.loopset.loops
-        if len(loops) < MIN_LOOPS:
-            blocks = [np.arange(loop.n) * FOLDS * BLOCKS // loop.n for loop in loops]
-            ends = 0, FOLDS * BLOCKS - 1
-            parts = [np.where(np.isin(block, ends), -1, block % FOLDS) for block in blocks]
+        if len(loops) < MIN_LOOPS_TO_WITHHOLD:
+            blocks = [np.arange(loop.n) * MAX_FOLDS * BLOCKS_PER_FOLD // loop.n for loop in loops]
+            ends = 0, MAX_FOLDS * BLOCKS_PER_FOLD - 1
+            parts = [np.where(np.isin(block, ends), -1, block % MAX_FOLDS) for block in blocks]
         else:
-            is_largest = [float(np.ptp(loop.input)) >= REACHED * self.span for loop in loops]
+            is_largest = [float(np.ptp(loop.input)) >= FAR_END_SHARE * self.span for loop in loops]
             is_kept = [not all(is_largest) and largest for largest in is_largest]
-            numbers = [-1 if kept else index % FOLDS for index, kept in enumerate(is_kept)]
+            numbers = [-1 if kept else index % MAX_FOLDS for index, kept in enumerate(is_kept)]
             parts = [np.full(loop.n, part) for loop, part in zip(loops, numbers, strict=True)]
-        return [np.where(known, part, -1) for known, part in zip(self.known, parts, strict=True)]
+        return [
+            np.where(known, part, -1) for known, part in zip(self.known_masks, parts, strict=True)
+        ]
 
-    def creep(self, attempt: Trial, times: tuple[float, ...]) -> list[FloatArray]:
+    def creep_responses(self, attempt: Trial, creep_times: tuple[float, ...]) -> list[FloatArray]:
         """Return the slow responses to the output of a trial, a column for each time constant."""
         found = []
         for loop, (at_once, rest) in zip(self.loopset.loops, self.outputs(attempt), strict=True):
             assert loop.time is not None
             columns = []
-            for time in times:
+            for time in creep_times:
                 single, start = Dynamics(0.0, (time,), (1.0,)), np.array([rest])
                 if loop.history.kind == "settled":
-                    start = single.settled(at_once, loop.time, known=True)
-                columns.append(single.creep(at_once, loop.time, start, known=True)[0] - at_once)
+                    start = single.settled_slow_parts(at_once, loop.time, is_flux_known=True)
+                columns.append(
+                    single.apply_creep(at_once, loop.time, start, is_flux_known=True)[0] - at_once
+                )
             found.append(np.stack(columns, axis=1))
         return found
 
-    def model(self, attempt: Trial) -> Model:
+    def make_model(self, attempt: Trial) -> Model:
         """Return the model of a solution."""
         assert attempt.weights is not None
         cells = self.basis.thresholds.size * self.basis.widths.size
         slope, weights = self.slope, attempt.weights[:cells] / self.slope
         slow = attempt.weights[cells:-2]
-        kept = [(t, float(w)) for t, w in zip(attempt.times, slow, strict=True) if w > 1e-4]
+        kept = [(t, float(w)) for t, w in zip(attempt.creep_times, slow, strict=True) if w > 1e-4]
         return Model(
             name="model",
             input=self.loopset.input,
@@ -362,16 +384,16 @@ class CellProblem:
                 "out_0": float(attempt.weights[-2] - attempt.weights[-1]),
             },
             law=LAW,
-            cells=self.basis.cells(weights),
+            cells=self.basis.make_cells(weights),
             dynamics=Dynamics(
                 attempt.lag, tuple(t for t, _ in kept), tuple(w for _, w in kept), max(self.rates)
             ),
         )
 
 
-def thinned(loopset: Loops) -> Loops:
+def thin_loops(loopset: Loops) -> Loops:
     """Thin long records to every n-th sample."""
-    every = 1 + sum(loop.n for loop in loopset.loops) // MOST_SAMPLES
+    every = 1 + sum(loop.n for loop in loopset.loops) // MAX_SAMPLES
     if every == 1:
         return loopset
     kept = slice(None, None, every)
@@ -386,19 +408,19 @@ def thinned(loopset: Loops) -> Loops:
     )
 
 
-def _known(loop: Loop) -> NDArray[np.bool_]:
+def _mask_known_samples(loop: Loop) -> NDArray[np.bool_]:
     """Return from where on it does not matter how a body came to rest: after the first far end."""
     counted = np.ones(loop.n, dtype=np.bool_)
     if loop.history.kind == "settled":
         return counted
     far = np.abs(loop.input - loop.input[0])
-    first = int(np.argmax(far >= REACHED * far.max()))
-    if first <= MOST_UNKNOWN * loop.n:
+    first = int(np.argmax(far >= FAR_END_SHARE * far.max()))
+    if first <= MAX_UNKNOWN_SHARE * loop.n:
         counted[:first] = False
     return counted
 
 
-def _before(history: History, drive: FloatArray) -> FloatArray:
+def _input_before(history: History, drive: FloatArray) -> FloatArray:
     """Return what moved the cells before a loop."""
     points = np.array(history.turning_points)
     return np.concatenate([points, drive]) if history.kind == "settled" else points

@@ -10,37 +10,45 @@ from dataclasses import replace
 from pathlib import Path
 
 from anhyst.data import Loops
-from anhyst.data.lag import lag_line
+from anhyst.data.coil_lag import describe_coil_lag
 from anhyst.data.output_map import is_actuator, output_map
 from anhyst.data.path import SETTLED
 from anhyst.data.plausibility import check_plausible
-from anhyst.data.resonance import resonance_line
-from anhyst.data.speeds import Speeds, speeds_of, with_spread_times
-from anhyst.identification.any_law import fit_any
-from anhyst.identification.bare import form_of, model_of, valid_range
+from anhyst.data.resonance import describe_resonance
+from anhyst.data.speeds import SpeedGroups, group_by_speed, spread_equal_times
+from anhyst.identification.any_law import fit_any_law
 from anhyst.identification.candidates import require_gaps
-from anhyst.identification.cell_kernel import LAW_OF
+from anhyst.identification.cell_kernel import LAW_BY_SHAPE
 from anhyst.identification.cell_problem import LAW as CREEPING_LAW
-from anhyst.identification.choice import FEWEST, outcome_of, search_models
 from anhyst.identification.creeping import fit_creeping
-from anhyst.identification.default import TO_END, follow
-from anhyst.identification.fit_records import records_of, rest_of
+from anhyst.identification.default_search import CONVERGED_STOP, descend_from
+from anhyst.identification.fit_records import make_fit_records, read_rest_offsets
+from anhyst.identification.model_building import make_model, make_response_form, valid_range
+from anhyst.identification.model_selection import (
+    MIN_SAMPLES_PER_PARAMETER,
+    make_outcome,
+    select_model,
+)
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
-from anhyst.identification.rate import fit_rate, without_rate
-from anhyst.identification.run import SEARCHED, IdentifyResult, Outcome, SearchRun
-from anhyst.identification.space import IN_SERIES
-from anhyst.identification.uncertainty import assess, begins_near, resolved
+from anhyst.identification.rate import fit_rate, remove_rate_effect
+from anhyst.identification.run import MAX_SEARCH_SAMPLES, IdentifyResult, Outcome, SearchRun
+from anhyst.identification.space import SERIES_MAPS
+from anhyst.identification.uncertainty import (
+    assess_uncertainty,
+    free_unresolved_cells,
+    has_plausible_initial_curve,
+)
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
-from anhyst.model.actuator import obstacle
-from anhyst.model.left_over import explain_rejection, left_of, left_over_text
+from anhyst.model.actuator import find_compile_obstacle
 from anhyst.model.parameters import GAP_MAPS
+from anhyst.model.residual_analysis import analyse_loops, describe_residual, explain_rejection
 from anhyst.model.schema import Provenance, fit_figures
 from anhyst.support import running_version
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
-from anhyst.support.wording import worded
+from anhyst.support.wording import word_for_reader
 
 SEARCHES = ("default", "paper")
 
@@ -67,50 +75,56 @@ def identify(
     """
     began, worked = time.perf_counter(), time.process_time()
     spent: dict[str, float] = {}
-    check_wanted(law, gap_map, search)
+    check_options(law, gap_map, search)
     odd = check_plausible(loops)
 
     def static(some: Loops, before: Outcome | None) -> Outcome:
         """Find the model of loops at one speed; from an outcome on it is the same choice."""
-        own, cells = _compared(some, law, search)
-        if _creeps(some, law, search):
+        own, cells = _laws_to_compare(some, law, search)
+        if _needs_creep_fit(some, law, search):
             return fit_creeping(some)
         if LAWS[own].kernel is None:
-            records = records_of(some, weights)
+            records = make_fit_records(some, weights)
             require_gaps(records, gap_map)
-            return fit_any(some, records.thinned(SEARCHED), own, gap_map, seed, offsets=offsets)
-        rest = rest_of(some) if offsets and search == "default" else None
+            return fit_any_law(
+                some, records.thinned(MAX_SEARCH_SAMPLES), own, gap_map, seed, offsets=offsets
+            )
+        rest = read_rest_offsets(some) if offsets and search == "default" else None
         run = SearchRun(
-            form=form_of(some.input, some.output, own),
+            form=make_response_form(some.input, some.output, own),
             cells=cells,
             only_cells=law != AUTO,
-            records=records_of(some, weights, rest),
+            records=make_fit_records(some, weights, rest),
             seed=seed,
-            held=frozenset() if offsets else frozenset({"in_0", "out_0"}),
+            fixed=frozenset() if offsets else frozenset({"in_0", "out_0"}),
             dead_band=dead_band and search == "default",
             progress=progress,
-            spent=spent,
+            cpu_times=spent,
             checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
         )
-        outcome = _go_on(run, some, before) if before else _search(run, some, gap_map, search)
-        freed = resolved(outcome.model, some)
-        return replace(outcome, model=freed) if begins_near(freed, some) else outcome
+        outcome = (
+            _continue_fit(run, some, before) if before else _search(run, some, gap_map, search)
+        )
+        freed = free_unresolved_cells(outcome.model, some)
+        return (
+            replace(outcome, model=freed) if has_plausible_initial_curve(freed, some) else outcome
+        )
 
-    able = rate and search == "default" and not _creeps(loops, law, search)
-    loops = with_spread_times(loops) if able else loops
-    outcome = _at_all_speeds(loops, static, speeds_of(loops) if able else None)
-    lag = lag_line(loops)
+    able = rate and search == "default" and not _needs_creep_fit(loops, law, search)
+    loops = spread_equal_times(loops) if able else loops
+    outcome = _fit_all_speeds(loops, static, group_by_speed(loops) if able else None)
+    lag = describe_coil_lag(loops)
     warnings = [*odd, *([lag] if lag else []), *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,
         "offsets": offsets,
         "law_wanted": law,
-        **({"law_reason": outcome.why_law} if outcome.why_law else {}),
+        **({"law_reason": outcome.law_reason} if outcome.law_reason else {}),
         "gap_map_wanted": gap_map,
-        "gap_map_reason": outcome.why,
+        "gap_map_reason": outcome.map_reason,
         "dead_band": outcome.dead_band,
-        **({"rate": outcome.why_rate} if outcome.why_rate else {}),
+        **({"rate": outcome.rate_reason} if outcome.rate_reason else {}),
     }
     seen = (SETTLED if loop.history.kind == "settled" else loop.history for loop in loops.loops)
     common = {
@@ -122,35 +136,40 @@ def identify(
     model = replace(outcome.model, **common, reduction=outcome.steps)  # type: ignore[arg-type]
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common)  # type: ignore[arg-type]
     acceptance = model.acceptance()
-    fitted = tuple(map(model.on, loops.loops))
+    fitted = tuple(map(model.predict_loop, loops.loops))
     figures = fit_figures(
-        loops, fitted, outcome.left_out, acceptance.passed, outcome.promised, outcome.candidates
+        loops,
+        fitted,
+        outcome.withheld_errors,
+        acceptance.passed,
+        outcome.expected_error,
+        outcome.candidates,
     )
-    left = left_of(loops, fitted)
-    line = left_over_text(left, loops, model)
+    left = analyse_loops(loops, fitted)
+    line = describe_residual(left, loops, model)
     figures = replace(figures, not_noise=left.unexplained, left_over=line)
     model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
-    warnings += [reason] if (reason := obstacle(model.at_rest)) is not None else []
+    warnings += [reason] if (reason := find_compile_obstacle(model.at_rest)) is not None else []
     spent["all else"] = time.process_time() - worked - sum(spent.values())
     return IdentifyResult(
         model=model,
         loops=loops,
         fitted=fitted,
         acceptance=acceptance,
-        warnings=tuple(map(worded, warnings)),
+        warnings=tuple(map(word_for_reader, warnings)),
         per_gap=per_gap,
         splines=None if per_gap is None else check_splines(per_gap),
         seconds=time.perf_counter() - began,
         stages=spent,
         evaluations=outcome.evaluations,
-        interrupted=outcome.interrupted,
-        rejection=resonance_line(loops) or explain_rejection(left, loops),
+        interrupted=outcome.is_interrupted,
+        rejection=describe_resonance(loops) or explain_rejection(left, loops),
     )
 
 
-def check_wanted(law: str, gap_map: str, search: str) -> None:
+def check_options(law: str, gap_map: str, search: str) -> None:
     """Refuse what is unknown or does not go together."""
-    if why := LAWS.why_unusable(law):
+    if why := LAWS.explain_unusable(law):
         raise InputError(f"law '{law}': {why}", code="not-installed", key="law")
     for what, value, known in (
         ("law", law, (*LAWS, AUTO)),
@@ -164,7 +183,7 @@ def check_wanted(law: str, gap_map: str, search: str) -> None:
                 key=what,
             )
     kernel = LAWS[DEFAULT_LAW if law == AUTO else law].kernel
-    if kernel is not None and kernel.coupled and gap_map in IN_SERIES:
+    if kernel is not None and kernel.is_coupled and gap_map in SERIES_MAPS:
         # There alpha acts on the irreversible part alone, which a reluctance does not: one number
         # would be fitted for two.
         raise InputError(
@@ -187,9 +206,9 @@ def check_wanted(law: str, gap_map: str, search: str) -> None:
         )
 
 
-def _compared(loops: Loops, law: str, search: str) -> tuple[str, tuple[Shape, ...]]:
+def _laws_to_compare(loops: Loops, law: str, search: str) -> tuple[str, tuple[Shape, ...]]:
     """Name the law of the search, and the play cells that are fitted from it."""
-    shapes = {name: shape for shape, name in LAW_OF.items()}
+    shapes = {name: shape for shape, name in LAW_BY_SHAPE.items()}
     if law in shapes:
         return DEFAULT_LAW, (shapes[law],)
     if law != AUTO:
@@ -199,79 +218,86 @@ def _compared(loops: Loops, law: str, search: str) -> tuple[str, tuple[Shape, ..
     return DEFAULT_LAW, tuple(shapes[name] for name in able) if search == "default" else ()
 
 
-def _at_all_speeds(
-    loops: Loops, static: Callable[[Loops, Outcome | None], Outcome], speeds: Speeds | None
+def _fit_all_speeds(
+    loops: Loops, static: Callable[[Loops, Outcome | None], Outcome], speeds: SpeedGroups | None
 ) -> Outcome:
     """Find the model at rest, and around it how late the iron answers."""
     if speeds is None:
         return static(loops, None)
     outcome = static(speeds.slow, None)
-    if outcome.interrupted:
+    if outcome.is_interrupted:
         return outcome
     late = fit_rate(outcome.model, loops, speeds)
     if not late.model.has_eddy_currents:
-        return replace(static(loops, None), why_rate=late.why)
-    at_rest = without_rate(late.model, outcome.model, speeds.slow)
+        return replace(static(loops, None), rate_reason=late.reason)
+    at_rest = remove_rate_effect(late.model, outcome.model, speeds.slow)
     if at_rest is not None:
         again = static(at_rest, outcome)
         layers = late.model.layers
-        better = fit_rate(again.model, loops, speeds, at_least=layers.count if layers else 1)
-        if better.missed < late.missed:
+        better = fit_rate(again.model, loops, speeds, min_layers=layers.count if layers else 1)
+        if better.error < late.error:
             late = better
             outcome = replace(outcome, uncertainty=again.uncertainty)
-    sure = late.among(outcome.uncertainty)
-    return replace(outcome, model=late.model, uncertainty=sure, why_rate=late.why)
+    sure = late.add_to_uncertainty(outcome.uncertainty)
+    return replace(outcome, model=late.model, uncertainty=sure, rate_reason=late.reason)
 
 
-def _creeps(loops: Loops, law: str, search: str) -> bool:
+def _needs_creep_fit(loops: Loops, law: str, search: str) -> bool:
     """Whether cells are fitted with lag and creep, in one step."""
-    able = output_map(loops.output).creeps and loops.schedule is None
+    able = output_map(loops.output).has_creep and loops.schedule is None
     return able and law in {AUTO, CREEPING_LAW} and search == "default"
 
 
 def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:
     if search == "paper":
         outcome = search_paper(run, loops, gap_map)
-        if not outcome.interrupted:
+        if not outcome.is_interrupted:
             run.finish()
         return outcome
     try:
-        return search_models(run, loops, gap_map)
+        return select_model(run, loops, gap_map)
     except KeyboardInterrupt:
         if run.best is None:
             raise
-    best = run.best.on(run.records)  # the search may have thinned them
+    best = run.best.with_records(run.records)  # the search may have thinned them
     why = "the search was interrupted: this is the best so far"
-    return outcome_of(best, loops, why, interrupted=True)
+    return make_outcome(best, loops, why, interrupted=True)
 
 
-def _go_on(run: SearchRun, loops: Loops, before: Outcome) -> Outcome:
+def _continue_fit(run: SearchRun, loops: Loops, before: Outcome) -> Outcome:
     """Follow the fit of a search to its end on other records of the same loops."""
     start = before.fit
     assert start is not None
-    followed = follow(start.on(run.records).space, start.theta, *TO_END, start.tie)
+    followed = descend_from(
+        start.with_records(run.records).space, start.theta, *CONVERGED_STOP, start.smoothness
+    )
     return replace(
-        before, model=model_of(followed, loops), uncertainty=assess(followed, loops), fit=followed
+        before,
+        model=make_model(followed, loops),
+        uncertainty=assess_uncertainty(followed, loops),
+        fit=followed,
     )
 
 
 def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
-    gaps, quantities = len(loops.schedule_values), outcome.quantities
+    gaps, quantities = len(loops.schedule_values), outcome.parameter_count
     warnings = [note for note in loops.notes if "columns not used" in note]
-    warnings += [outcome.why] if gaps == 2 else []
-    if outcome.resumed:
-        warnings.append(f"went on from a checkpoint: {outcome.resumed} stages were done already")
+    warnings += [outcome.map_reason] if gaps == 2 else []
+    if outcome.resumed_stages:
+        warnings.append(
+            f"went on from a checkpoint: {outcome.resumed_stages} stages were done already"
+        )
     if loops.schedule is not None and gaps == 1:
         warnings.append(
             f"loops at one {loops.schedule.name} only: the model holds there and nowhere else"
         )
     if len(loops) == 1:
-        size = f"{100.0 * outcome.left_open:.2g} % of the largest output"
+        size = f"{100.0 * outcome.ambiguity:.2g} % of the largest output"
         alike = f"laws that follow it alike differ by {size} within it, and "
         guess = "how inner loops run is a guess of the law; measure smaller loops too"
-        warnings.append("one loop only: " + (alike if outcome.left_open else "") + guess)
+        warnings.append("one loop only: " + (alike if outcome.ambiguity else "") + guess)
     samples = sum(loop.n for loop in loops.loops)
-    if samples < FEWEST * quantities:
+    if samples < MIN_SAMPLES_PER_PARAMETER * quantities:
         warnings.append(
             f"{samples} samples for {quantities} quantities to find: that the model fits proves "
             "nothing; record more samples"

@@ -15,21 +15,21 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.identification.cell_kernel import CellPath, CellPaths
+from anhyst.identification.cell_kernel import CellPath, DrivenCells
 from anhyst.identification.fit_records import FitRecord
 from anhyst.identification.response import (
-    Local,
+    ParameterSet,
     Responder,
     ResponseForm,
-    between,
-    differentiated,
+    interpolate_over_gaps,
+    output_derivatives,
     require_slope,
 )
 from anhyst.identification.space import CoordinateSpace
 from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
 
-_TOGETHER = 20_000
+_MAX_SAMPLES_PER_CALL = 20_000
 """Samples that are followed in one call, about; more would cost memory and gain nothing."""
 
 
@@ -37,74 +37,74 @@ class CellResponder:
     """Follows drives from the demagnetised state; caches how they join one another."""
 
     def __init__(self) -> None:
-        self._groups: dict[tuple[int, ...], list[_Drives]] = {}
+        self._groups: dict[tuple[int, ...], list[_DriveGroup]] = {}
         self._grouped: Sequence[FitRecord] = ()
 
     def outputs(
-        self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
+        self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> list[FloatArray]:
         """Output of every drive, SI."""
         outputs = []
-        for cells, drives in self._together(form, sets, records):
-            omega, r, _ = drives.under(sets)
-            x, m = cells.follow(omega, r, drives.begins)
-            for record, part in zip(drives.records, drives.parts, strict=True):
+        for cells, drives in self._group_cells(form, sets, records):
+            omega, r, _ = drives.cell_inputs(sets)
+            x, m = cells.follow(omega, r, drives.starts)
+            for record, part in zip(drives.records, drives.record_slices, strict=True):
                 local = sets[record.gap]
                 b = m[part] + local.h * x[part]
                 outputs.append(local.gain * b**form.power + local.out_0)
         return outputs
 
     def derivatives(
-        self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
+        self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
         """Yield gap, output and derivatives by what the form names, (n, numbers), of all drives."""
-        for cells, drives in self._together(form, sets, records):
-            omega, r, scale = drives.under(sets)
+        for cells, drives in self._group_cells(form, sets, records):
+            omega, r, scale = drives.cell_inputs(sets)
             # What the circuit at other gaps adds through the past alone is left out.
-            r_t = np.stack([-r * drives.own / scale, -drives.own / scale], axis=1)
-            path = cells.with_tangents(omega, r, drives.own, r_t, drives.begins)
-            path = CellPath(*(values[drives.kept] for values in path))
-            output, by_local = differentiated(form, sets, drives.gaps, path)
-            for gap, part in drives.runs:
+            r_t = np.stack([-r * drives.is_own_gap / scale, -drives.is_own_gap / scale], axis=1)
+            path = cells.follow_with_derivatives(omega, r, drives.is_own_gap, r_t, drives.starts)
+            path = CellPath(*(values[drives.sample_indices] for values in path))
+            output, by_local = output_derivatives(form, sets, drives.gaps, path)
+            for gap, part in drives.gap_slices:
                 yield gap, output[part], by_local[part]
 
-    def _together(
-        self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
-    ) -> Iterator[tuple[CellPaths, _Drives]]:
+    def _group_cells(
+        self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
+    ) -> Iterator[tuple[DrivenCells, _DriveGroup]]:
         """Return the cells of each group of drives that share them."""
         assert form.cells is not None
         require_slope(sets)
         try:
-            cells = [form.cells.paths(local.law) for local in sets]
+            cells = [form.cells.make_driven_cells(local.law) for local in sets]
         except ValueError as error:
             raise NoResponseError(str(error)) from error
         if records is not self._grouped:
             self._groups, self._grouped = {}, records
         alike = tuple(next(i for i, weights in enumerate(cells) if weights is own) for own in cells)
         if alike not in self._groups:
-            self._groups[alike] = list(_grouped(records, alike))
+            self._groups[alike] = list(_group_drives(records, alike))
         for drives in self._groups[alike]:
             yield cells[drives.records[0].gap], drives
 
 
 @dataclass(frozen=True, eq=False)
-class _Drives:
+class _DriveGroup:
     """Drives one after the other, what led up to each first."""
 
     records: Sequence[FitRecord]
     drive: FloatArray  # SI; shape (n,)
     gap_position: FloatArray  # place of the gap that the drive was at; shape (n,)
-    own: FloatArray  # 1 at the gap of the record, else 0; shape (n,)
-    begins: NDArray[np.int64]  # where each drive begins
-    parts: Sequence[slice]  # where its record is
+    is_own_gap: FloatArray  # 1 at the gap of the record, else 0; shape (n,)
+    starts: NDArray[np.int64]  # where each drive begins
+    record_slices: Sequence[slice]  # where its record is
 
     @cached_property
-    def kept(self) -> NDArray[np.intp]:
+    def sample_indices(self) -> NDArray[np.intp]:
         """Places of the samples of records."""
-        return np.concatenate([np.arange(part.start, part.stop) for part in self.parts])
+        return np.concatenate([np.arange(part.start, part.stop) for part in self.record_slices])
 
     @cached_property
-    def runs(self) -> list[tuple[int, slice]]:
+    def gap_slices(self) -> list[tuple[int, slice]]:
         """Gaps, and where among the samples of records those at each are, one after the other."""
         spans, first = [], 0
         for gap, alike in groupby(self.records, lambda record: record.gap):
@@ -119,30 +119,32 @@ class _Drives:
         sizes = [record.input.size for record in self.records]
         return np.repeat([record.gap for record in self.records], sizes)
 
-    def under(self, sets: Sequence[Local]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def cell_inputs(
+        self, sets: Sequence[ParameterSet]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Put them in the terms of the cells: omega and right side; and the scale of each sample."""
-        omega, scale, in_0 = between(sets, self.gap_position)
+        omega, scale, in_0 = interpolate_over_gaps(sets, self.gap_position)
         return omega, (self.drive - in_0) / scale, scale
 
 
-def _grouped(records: Sequence[FitRecord], alike: Sequence[int]) -> Iterator[_Drives]:
+def _group_drives(records: Sequence[FitRecord], alike: Sequence[int]) -> Iterator[_DriveGroup]:
     """Group drives in their order, a few thousand samples at a time; gaps with one number are alike."""
     for _, same in groupby(records, lambda record: alike[record.gap]):
         group: list[FitRecord] = []
         for record in same:
             group.append(record)
-            if sum(record.input.size for record in group) > _TOGETHER:
-                yield _joined(group)
+            if sum(record.input.size for record in group) > _MAX_SAMPLES_PER_CALL:
+                yield _join_drives(group)
                 group = []
         if group:
-            yield _joined(group)
+            yield _join_drives(group)
 
 
-def _joined(records: Sequence[FitRecord]) -> _Drives:
+def _join_drives(records: Sequence[FitRecord]) -> _DriveGroup:
     drives, gap_columns, owns, begins, parts = [], [], [], [], []
     end = 0
     for record in records:
-        before, n = record.before, record.input.size
+        before, n = record.remembered_history, record.input.size
         drives += [before.drive, record.input]
         gap_columns += [before.gap_position, np.full(n, float(record.gap))]
         owns += [(before.gap_position == record.gap).astype(np.float64), np.ones(n)]
@@ -150,25 +152,25 @@ def _joined(records: Sequence[FitRecord]) -> _Drives:
         end += before.drive.size + n
         parts.append(slice(end - n, end))
     drive, gaps, own = (np.concatenate(values) for values in (drives, gap_columns, owns))
-    return _Drives(tuple(records), drive, gaps, own, np.array(begins, dtype=np.int64), parts)
+    return _DriveGroup(tuple(records), drive, gaps, own, np.array(begins, dtype=np.int64), parts)
 
 
-EXPECTED = 1e-8
+PRIOR_COST = 1e-8
 """Cost of a number one spread away from what is expected of it, in parts of the largest output
 squared: as much as a deviation of a ten-thousandth."""
 
-DRIFT = 0.003
+DRIFT_STD = 0.003
 """Spread of what a sensor of the output drifts by in a record, in parts of the largest output."""
 
-_PIECE = 20_000
+_MAX_PIECE_SAMPLES = 20_000
 """Samples of which derivatives are held at once: a long record must not cost memory by its length
 times its numbers. A law of Jiles and Atherton, with few numbers, needs its cycle whole to close it."""
 
-IMPOSSIBLE = 10.0  # deviation, in units of the largest output, where the law has no answer
+NO_ANSWER_DEVIATION = 10.0  # deviation, in units of the largest output, where the law has no answer
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
+class Linearisation:
     """Deviations near a point to first order: what a step of least squares needs of them."""
 
     deviation: FloatArray  # weighted deviations, shape (samples,)
@@ -198,7 +200,7 @@ class Objective:
     """
 
     space: CoordinateSpace
-    tie: float = 0.0
+    smoothness: float = 0.0
     evaluations: int = 0
 
     def __post_init__(self) -> None:
@@ -206,23 +208,27 @@ class Objective:
         self._responder: Responder | CellResponder = Responder()
         if self.space.form.cells:
             self._responder = CellResponder()
-            loops = tuple(piece for record in loops for piece in record.pieces(_PIECE))
+            loops = tuple(piece for record in loops for piece in record.pieces(_MAX_PIECE_SAMPLES))
         self._loops = loops
         self.measured = np.concatenate([record.output for record in loops])
         self.weights = np.concatenate([record.weights for record in loops])
-        self._ties = np.sqrt(self.tie) * _differences(self.space)
-        self._pull, self._usual = _expectations(self.space)
-        self._held = self._ties.T @ self._ties + self._pull.T @ self._pull
+        self._smoothness_rows = np.sqrt(self.smoothness) * _make_smoothness_rows(self.space)
+        self._prior_rows, self._prior_targets = _make_prior_rows(self.space)
+        self._regularisation = (
+            self._smoothness_rows.T @ self._smoothness_rows + self._prior_rows.T @ self._prior_rows
+        )
         clocks = np.concatenate([record.clock for record in loops]) * bool(self.space.form.cells)
         self._drift = _Drift(self.space.records.output_span * clocks * self.weights)
 
     @property
-    def impossible(self) -> FloatArray:
+    def no_answer_deviations(self) -> FloatArray:
         """Deviations in place of those of parameters without a solution."""
-        far = IMPOSSIBLE * self.space.records.output_span * self.weights
-        return np.concatenate([far, np.zeros(1 + self._ties.shape[0] + self._usual.size)])
+        far = NO_ANSWER_DEVIATION * self.space.records.output_span * self.weights
+        return np.concatenate(
+            [far, np.zeros(1 + self._smoothness_rows.shape[0] + self._prior_targets.size)]
+        )
 
-    def outputs(self, sets: list[Local]) -> FloatArray:
+    def outputs(self, sets: list[ParameterSet]) -> FloatArray:
         """Modelled outputs of all loops, one after the other, SI."""
         self.evaluations += 1
         return np.concatenate(self._responder.outputs(self.space.form, sets, self._loops))
@@ -232,12 +238,19 @@ class Objective:
         try:
             outputs = self.outputs([local for local, _ in self.space.unpack(theta)])
         except NoResponseError:
-            return self.impossible
+            return self.no_answer_deviations
         off = (outputs - self.measured) * self.weights
-        off, cost = self._drift.without(off)
-        return np.concatenate([off, cost, self._ties @ theta, self._pull @ theta - self._usual])
+        off, cost = self._drift.remove(off)
+        return np.concatenate(
+            [
+                off,
+                cost,
+                self._smoothness_rows @ theta,
+                self._prior_rows @ theta - self._prior_targets,
+            ]
+        )
 
-    def normal(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def normal_equations(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Deviations as above, gradient of half their sum of squares, and normal matrix.
 
         Gap by gap from the parameters there: what one gap does not share with the others
@@ -258,49 +271,54 @@ class Objective:
             value, weighted = (output - self.measured[part]) * weights, by_local * weights[:, None]
             squares[gap] += weighted.T @ weighted
             slopes[gap] += value @ weighted
-            if self._drift.known:
-                along[gap] += self._drift.way[part] @ weighted
+            if self._drift.is_present:
+                along[gap] += self._drift.direction[part] @ weighted
             first = part.stop
             values.append(value)
         whole = np.concatenate(values)
-        off, cost = self._drift.without(whole)
-        values = [off, cost, self._ties @ theta, self._pull @ theta - self._usual]
-        gradient = self._ties.T @ values[-2] + self._pull.T @ values[-1]
-        matrix = self._held
+        off, cost = self._drift.remove(whole)
+        values = [
+            off,
+            cost,
+            self._smoothness_rows @ theta,
+            self._prior_rows @ theta - self._prior_targets,
+        ]
+        gradient = self._smoothness_rows.T @ values[-2] + self._prior_rows.T @ values[-1]
+        matrix = self._regularisation
         for (_, by_theta), square, slope in zip(sets, squares, slopes, strict=True):
             gradient = gradient + slope @ by_theta
             matrix = matrix + by_theta.T @ square @ by_theta
-        if self._drift.known:
+        if self._drift.is_present:
             by_drift = np.einsum("gn,gnk->k", along, np.stack([by_theta for _, by_theta in sets]))
             gradient = gradient - self._drift.slope(whole) * by_drift
-            matrix = matrix - np.outer(by_drift, by_drift) / self._drift.size
+            matrix = matrix - np.outer(by_drift, by_drift) / self._drift.squared_norm
         return np.concatenate(values), gradient, matrix
 
-    def linear(self, theta: FloatArray) -> Linear:
+    def linearise(self, theta: FloatArray) -> Linearisation:
         """Linearise at a point; without any slope where the law has no answer.
 
         By analytic derivatives where there are any.
         """
-        if not self.space.form.kernel.differentiated:
+        if not self.space.form.kernel.has_derivatives:
             deviation = self.deviations(theta)
-            jacobian = self.differences(theta)
-            return Linear(deviation, deviation @ jacobian, jacobian.T @ jacobian)
+            jacobian = self.numerical_jacobian(theta)
+            return Linearisation(deviation, deviation @ jacobian, jacobian.T @ jacobian)
         try:
-            return Linear(*self.normal(theta))
+            return Linearisation(*self.normal_equations(theta))
         except NoResponseError:
             nothing = np.zeros((theta.size, theta.size))
-            return Linear(self.impossible, nothing[0], nothing)
+            return Linearisation(self.no_answer_deviations, nothing[0], nothing)
 
-    def worth(self, theta: FloatArray, cost: float) -> Linear | None:
+    def linearise_if_better(self, theta: FloatArray, cost: float) -> Linearisation | None:
         """Linearise where the cost is below another; a numerical derivative is dear."""
-        if not self.space.form.kernel.differentiated:
+        if not self.space.form.kernel.has_derivatives:
             deviations = self.deviations(theta)
             if float(deviations @ deviations) >= cost:
                 return None
-        linear = self.linear(theta)
+        linear = self.linearise(theta)
         return linear if linear.cost < cost else None
 
-    def differences(self, theta: FloatArray) -> FloatArray:
+    def numerical_jacobian(self, theta: FloatArray) -> FloatArray:
         """Central differences, turned inward at the bounds."""
         low, high = self.space.bounds
         columns = []
@@ -318,28 +336,28 @@ class _Drift:
     """A linear drift of the deviations, and the deviations without it."""
 
     def __init__(self, drift: FloatArray) -> None:
-        self.way = drift
-        self._loose = np.sqrt(EXPECTED) / DRIFT
-        self.size = float(drift @ drift) + self._loose**2
-        self.known = bool(np.any(drift))
+        self.direction = drift
+        self._prior_weight = np.sqrt(PRIOR_COST) / DRIFT_STD
+        self.squared_norm = float(drift @ drift) + self._prior_weight**2
+        self.is_present = bool(np.any(drift))
 
     def slope(self, deviation: FloatArray) -> float:
         """Slope with the least cost."""
-        return float(self.way @ deviation / self.size)
+        return float(self.direction @ deviation / self.squared_norm)
 
-    def without(self, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def remove(self, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the deviations without the drift, and its cost as one more."""
         slope = self.slope(deviation)
-        return deviation - self.way * slope, np.array([self._loose * slope])
+        return deviation - self.direction * slope, np.array([self._prior_weight * slope])
 
 
-def _differences(space: CoordinateSpace) -> FloatArray:
+def _make_smoothness_rows(space: CoordinateSpace) -> FloatArray:
     """Rows that take the difference of a coordinate between neighbouring gaps; offsets are free."""
     column = {entry: at for at, entry in enumerate(space.entries)}
     pairs = [
         (column[name, gap], column[name, gap + 1])
         for name, gap in space.entries
-        if gap is not None and gap + 1 < space.records.gaps and name not in {"in_0", "out_0"}
+        if gap is not None and gap + 1 < space.records.gap_count and name not in {"in_0", "out_0"}
     ]
     rows = np.zeros((len(pairs), space.size))
     for row, (first, second) in zip(rows, pairs, strict=True):
@@ -347,13 +365,13 @@ def _differences(space: CoordinateSpace) -> FloatArray:
     return rows
 
 
-def _expectations(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
+def _make_prior_rows(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
     """Rows that take a coordinate in parts of its spread, and what is expected of them."""
     rows, usual = [], []
     for row, (name, _) in zip(np.eye(space.size), space.entries, strict=True):
-        number = space.numbers[name]
-        if number.usual is not None:
-            weight = np.sqrt(EXPECTED) / number.spread
+        number = space.fit_parameters[name]
+        if number.prior_mean is not None:
+            weight = np.sqrt(PRIOR_COST) / number.prior_std
             rows.append(weight * row)
-            usual.append(weight * space.inward(name, number.usual))
+            usual.append(weight * space.to_coordinate(name, number.prior_mean))
     return np.array(rows).reshape(-1, space.size), np.array(usual)

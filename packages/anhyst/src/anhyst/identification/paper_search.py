@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.identification.paper_seven import (
-    OFFSETS,
+from anhyst.identification.paper_parameters import (
+    OFFSET_NAMES,
     Criterion,
     Values,
+    make_variables,
     mean_over_gaps,
-    simplex,
-    variables_of,
+    run_simplex,
 )
 from anhyst.identification.run import SearchRun
 from anhyst.model.acceptance import GapCheck, check_over_gap
@@ -42,7 +42,7 @@ from anhyst.support.numeric import FloatArray
 PARENTS = 15
 CHILDREN = 105  # seven children for a parent, Schwefel's advice for self-adaptation
 _FIRST_STEP = 0.2  # first step size, in parts of the range of a variable
-_LEAST_STEP = 1e-9  # smallest step size, in parts of the range: below it nothing moves any more
+_MIN_STEP = 1e-9  # smallest step size, in parts of the range: below it nothing moves any more
 
 
 def reflected(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
@@ -123,14 +123,14 @@ class EvolutionStrategy:
         single = self._random.standard_normal(self._sigma.shape)
         self._sigma = self._sigma * np.exp(self._tau_common * common + self._tau * single)
         span = self._high - self._low
-        self._sigma = np.clip(self._sigma, _LEAST_STEP * span, span)
+        self._sigma = np.clip(self._sigma, _MIN_STEP * span, span)
         steps = self._sigma * self._random.standard_normal(self._x.shape)
         self._x = reflected(self._x + steps, self._low, self._high)
 
 
 _PARENTS, _CHILDREN = 30, 210
-_SAMPLES_EVOLUTION = 64
-_SAMPLES_SIMPLEX = 128
+_EVOLUTION_SAMPLES = 64
+_SIMPLEX_SAMPLES = 128
 """Samples a loop, at most."""
 
 
@@ -147,7 +147,7 @@ class SearchEffort:
 
 
 @dataclass(frozen=True)
-class Stand:
+class SearchState:
     """State of a search: parameters at each gap, those that may differ, and the cost."""
 
     sets: tuple[Values, ...]
@@ -156,13 +156,13 @@ class Stand:
     evaluations: int = 0
 
     @classmethod
-    def from_plain(cls, plain: dict[str, Any]) -> Stand:
+    def from_plain(cls, plain: dict[str, Any]) -> SearchState:
         """Rebuild from what a checkpoint kept, which knows lists alone."""
         return cls(**plain | {key: tuple(plain[key]) for key in ("sets", "varying")})
 
 
 @dataclass
-class SearchBench:
+class PaperSearch:
     """Loops at every gap, ready for searches with any of the parameters."""
 
     run: SearchRun  # settings and stages
@@ -170,11 +170,13 @@ class SearchBench:
     effort: SearchEffort = field(default_factory=SearchEffort)  # how long to search
 
     def __post_init__(self) -> None:
-        self.variables, self.known = variables_of(
-            self.run.records, self.loopset.input, self.loopset.output, self.run.held
+        self.variables, self.fixed_values = make_variables(
+            self.run.records, self.loopset.input, self.loopset.output, self.run.fixed
         )
-        self.searched = tuple(name for name in self.variables.names if name not in OFFSETS)
-        self._records = [self.run.records.at(gap) for gap in range(self.gaps)]
+        self.searched_names = tuple(
+            name for name in self.variables.names if name not in OFFSET_NAMES
+        )
+        self._records = [self.run.records.at_gap(gap) for gap in range(self.gap_count)]
         counts = [
             sum(record.weight**2 * record.input.size for record in records.loops)
             for records in self._records
@@ -182,9 +184,9 @@ class SearchBench:
         self._shares = [count / sum(counts) for count in counts]
 
     @property
-    def gaps(self) -> int:
+    def gap_count(self) -> int:
         """Number of gaps."""
-        return self.run.records.gaps
+        return self.run.records.gap_count
 
     def cost(self, sets: Sequence[Values]) -> float:
         """Criterion of eq. 16 over all samples of all gaps, relative to the largest output."""
@@ -193,32 +195,39 @@ class SearchBench:
 
     def cost_at(self, gap: int, values: Values) -> float:
         """Compute the same at one gap."""
-        return Criterion(self.run.form, self._records[gap]).of_one(values)
+        return Criterion(self.run.form, self._records[gap]).cost_of_set(values)
 
     def _criterion(self, gap: int, samples: int) -> Criterion:
         return Criterion(self.run.form, self._records[gap].thinned(samples))
 
-    def stand(self, sets: Sequence[Values], varying: Sequence[str], evaluations: int) -> Stand:
+    def make_state(
+        self, sets: Sequence[Values], varying: Sequence[str], evaluations: int
+    ) -> SearchState:
         """Sum up a search that has come to these sets."""
-        return Stand(tuple(sets), tuple(varying), self.cost(sets), evaluations)
+        return SearchState(tuple(sets), tuple(varying), self.cost(sets), evaluations)
 
     def refine(
-        self, gap: int, values: Values, names: Sequence[str], each: int
+        self, gap: int, values: Values, names: Sequence[str], evaluations_per_variable: int
     ) -> tuple[Values, int]:
         """Run the simplex at one gap from given values."""
         variables = self.variables.only(names)
-        criterion = self._criterion(gap, _SAMPLES_SIMPLEX)
+        criterion = self._criterion(gap, _SIMPLEX_SAMPLES)
 
         def cost(theta: FloatArray) -> float:
-            return criterion.of_one(values | _numbers(variables.outward(theta)))
+            return criterion.cost_of_set(values | _to_floats(variables.to_parameters(theta)))
 
-        best, _ = simplex(cost, variables, variables.inward(values), each * variables.size)
-        return values | _numbers(variables.outward(best)), criterion.evaluations
+        best, _ = run_simplex(
+            cost,
+            variables,
+            variables.to_coordinates(values),
+            evaluations_per_variable * variables.size,
+        )
+        return values | _to_floats(variables.to_parameters(best)), criterion.evaluations
 
     def evolve(self, gap: int, values: Values, names: Sequence[str]) -> tuple[Values, int]:
         """Run the evolution strategy at one gap, over the whole range of the names."""
         variables = self.variables.only(names)
-        criterion = self._criterion(gap, _SAMPLES_EVOLUTION)
+        criterion = self._criterion(gap, _EVOLUTION_SAMPLES)
         seed = [self.run.seed, gap, variables.size]
         strategy = EvolutionStrategy(variables.low, variables.high, seed, _PARENTS, _CHILDREN)
         held = {
@@ -227,55 +236,57 @@ class SearchBench:
             if name not in variables.names
         }
         for _ in range(self.effort.generations):
-            strategy.tell(criterion.of_many(held | variables.outward(strategy.ask())))
-        return values | _numbers(variables.outward(strategy.best)), criterion.evaluations
+            strategy.tell(criterion.costs_of_sets(held | variables.to_parameters(strategy.ask())))
+        return values | _to_floats(variables.to_parameters(strategy.best)), criterion.evaluations
 
-    def search(self, gap: int, values: Values, names: Sequence[str]) -> tuple[Values, int]:
+    def search_gap(self, gap: int, values: Values, names: Sequence[str]) -> tuple[Values, int]:
         """Search one gap in full: evolution, then simplex from its end or from where it began.
 
         A beginning without a value of every name is none.
         """
         evolved, spent = self.evolve(gap, values, names)
         beginnings = [values, evolved] if set(names) <= values.keys() else [evolved]
-        criterion = self._criterion(gap, _SAMPLES_SIMPLEX)
-        best = min(beginnings, key=criterion.of_one)
+        criterion = self._criterion(gap, _SIMPLEX_SAMPLES)
+        best = min(beginnings, key=criterion.cost_of_set)
         refined, more = self.refine(gap, best, names, self.effort.final)
         return refined, spent + more
 
-    def search_all(
+    def search_gaps(
         self, stage: str, sets: Sequence[Values], names: Sequence[str]
     ) -> tuple[list[Values], int]:
         """Search every gap in full, each in a stage; return the sets and the evaluations."""
         ends = [
-            self.run.stage(stage.format(gap), partial(self.search, gap, values, names))
+            self.run.stage(stage.format(gap), partial(self.search_gap, gap, values, names))
             for gap, values in enumerate(sets)
         ]
         return [values for values, _ in ends], sum(spent for _, spent in ends)
 
 
-def _numbers(arrays: Mapping[str, FloatArray]) -> Values:
+def _to_floats(arrays: Mapping[str, FloatArray]) -> Values:
     return {name: float(value) for name, value in arrays.items()}
 
 
-def search_each_gap(bench: SearchBench) -> Stand:
+def search_each_gap(bench: PaperSearch) -> SearchState:
     """Find the paper's free model: an optimal set for every gap, offsets common to all."""
     names = bench.variables.names
-    sets, spent = bench.search_all("gap {} from scratch", [bench.known] * bench.gaps, names)
-    offsets = [name for name in names if name in OFFSETS]
-    if offsets and bench.gaps > 1:
+    sets, spent = bench.search_gaps(
+        "gap {} from scratch", [bench.fixed_values] * bench.gap_count, names
+    )
+    offsets = [name for name in names if name in OFFSET_NAMES]
+    if offsets and bench.gap_count > 1:
         means = {name: mean_over_gaps(name, [values[name] for values in sets]) for name in offsets}
         common = [values | means for values in sets]
-        sets, more = bench.search_all("gap {} with common offsets", common, bench.searched)
+        sets, more = bench.search_gaps("gap {} with common offsets", common, bench.searched_names)
         spent += more
-    return bench.stand(sets, bench.searched, spent)
+    return bench.make_state(sets, bench.searched_names, spent)
 
 
-def model_at_nodes(stand: Stand, run: SearchRun, loopset: Loops) -> Model:
+def model_at_nodes(stand: SearchState, run: SearchRun, loopset: Loops) -> Model:
     """Bare model with a number at each gap for what varies.
 
     The gap map is ``scaling`` where that allows what varies, else ``free``.
     """
-    single = run.records.gaps == 1
+    single = run.records.gap_count == 1
     parameters: dict[str, Parameter] = dict(stand.sets[0])
     for name in () if single else stand.varying:
         parameters[name] = tuple(values[name] for values in stand.sets)

@@ -15,35 +15,35 @@ import numpy as np
 
 from anhyst._core import AnyIron
 from anhyst.data import Loop, Loops
-from anhyst.data.speeds import Speeds
+from anhyst.data.speeds import SpeedGroups
 from anhyst.data.verdict import largest_output
 from anhyst.model.actuator import Model
-from anhyst.model.dynamics import GAMMA, Dynamics, Layers
+from anhyst.model.dynamics import GAMMA_NAME, Dynamics, Layers
 from anhyst.model.predict import as_history, initial_state
 from anhyst.model.schema import Uncertainty
 from anhyst.support.numeric import FloatArray
 
-COUNTS = (1, 2, 3, 4)  # layers that are tried; 1 is a lag of the flux
+LAYER_COUNTS = (1, 2, 3, 4)  # layers that are tried; 1 is a lag of the flux
 
-WORTH = 0.9
+MAX_ERROR_RATIO = 0.9
 """What is missed, in parts of that without rate or with fewer layers, from which on these are taken."""
 
-SAMPLES = 120  # of a loop, that are fitted, at most
+MAX_SAMPLES_PER_LOOP = 120  # of a loop, that are fitted, at most
 
-SETTLED, MOST_CYCLES = 1e-6, 40
+CYCLE_TOLERANCE, MAX_CYCLES = 1e-6, 40
 """A cycle is closed for a fit when its state returns this well, in parts of the law's scale."""
 
-TRIED = np.geomspace(0.003, 3.0, 8)
+GAMMA_START_RATIOS = np.geomspace(0.003, 3.0, 8)
 """Values of ``gamma`` that a fit may start from, in parts of the one whose field, at the rate of the
 fastest loops, is as large as the drive."""
 
-SHEETS = 0.2  # share of the path in sheets that a fit starts from
+START_LAMINATED_SHARE = 0.2  # share of the path in sheets that a fit starts from
 
-PEELED = 0.3
+MIN_RATE_EFFECT_RATIO = 0.3
 """Root mean square of what rate does to the slow loops, in parts of what the static model leaves of
 them, from which on the static model is identified once more, without it."""
 
-_REFUSED = 1e3  # deviation of a set that the core has no answer for
+_NO_ANSWER_DEVIATION = 1e3  # deviation of a set that the core has no answer for
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,32 +51,32 @@ class RateFit:
     """Result of a fit of the rate dependence to fast loops."""
 
     model: Model  # with layers, or as it was where nothing is gained
-    why: str  # a sentence
-    std: float = 0.0  # standard deviation of ln(gamma)
-    missed: float = np.inf  # root mean square of all loops, by the geometric mean of their speeds
+    reason: str  # a sentence
+    log_gamma_std: float = 0.0  # standard deviation of ln(gamma)
+    error: float = np.inf  # root mean square of all loops, by the geometric mean of their speeds
 
-    def among(self, known: Uncertainty) -> Uncertainty:
+    def add_to_uncertainty(self, known: Uncertainty) -> Uncertainty:
         """Add it to what is known of a static model, which was held."""
         gamma, dynamics = self.model.parameters["gamma"], self.model.dynamics
         assert isinstance(gamma, float)
         assert dynamics is not None
         statement = (
-            f"gamma, how late the middle of the iron is, is known to {100.0 * self.std:.2g} %; it was "
+            f"gamma, how late the middle of the iron is, is known to {100.0 * self.log_gamma_std:.2g} %; it was "
             f"measured up to {dynamics.fastest:.3g} Hz, beyond nothing is known"
         )
         whole = np.eye(len(known.correlation) + 1)
         whole[:-1, :-1] = known.correlation or np.empty((0, 0))
         return Uncertainty(
-            names=(*known.names, GAMMA),
+            names=(*known.names, GAMMA_NAME),
             values=(*known.values, gamma),
-            std=(*known.std, gamma * self.std),
+            std=(*known.std, gamma * self.log_gamma_std),
             correlation=tuple(map(tuple, whole.tolist())) if known.correlation else (),
             statements=(*known.statements, statement),
         )
 
 
 @dataclass(frozen=True)
-class _Rate:
+class _RateParameters:
     """What is fitted."""
 
     count: int  # layers
@@ -96,17 +96,17 @@ class _Rate:
         return float(surface), float(laminated)
 
 
-class _Path:
+class _LoopPath:
     """One loop on its way through the iron."""
 
     def __init__(self, model: Model, loop: Loop, iron: AnyIron, largest: float) -> None:
         assert loop.time is not None
-        every = 1 + (loop.n - 1) // SAMPLES
+        every = 1 + (loop.n - 1) // MAX_SAMPLES_PER_LOOP
         ends = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
         kept = np.unique(np.concatenate([np.arange(0, loop.n, every), ends]))
         steps = np.diff(loop.time[kept])
-        self.settled, self.gap = loop.history.kind == "settled", loop.schedule_value
-        first = 1.0 / float(np.median(steps)) if self.settled else 0.0
+        self.is_cycle, self.gap = loop.history.kind == "settled", loop.schedule_value
+        first = 1.0 / float(np.median(steps)) if self.is_cycle else 0.0
         self.rate = np.concatenate([[first], 1.0 / steps])
         gap = None if loop.schedule is None else loop.schedule[kept]
         self.circuit = model.circuit(gap, np.zeros(kept.size))
@@ -117,45 +117,45 @@ class _Path:
         start = None if loop.schedule is None else float(loop.schedule[0])
         self.state = initial_state(model, iron, as_history(loop.history, model), start)
 
-    def missed(self, rate: _Rate) -> FloatArray:
+    def relative_residual(self, rate: _RateParameters) -> FloatArray:
         """Return what is missed of the output, in parts of the largest."""
         self.iron.make_solid(rate.count, *rate.shares)
         eddy = rate.gamma * self.rate
         state = np.tile(self.state, rate.count + 1 if rate.count > 1 else 1)
         around = self.drive, self.circuit.rho, eddy
-        if self.settled:
-            state = self.iron.settle(*around, state, False, MOST_CYCLES, SETTLED)[0]
+        if self.is_cycle:
+            state = self.iron.settle(*around, state, False, MAX_CYCLES, CYCLE_TOLERANCE)[0]
         flux, _, _, status, _ = self.iron.forward(*around, state)
         if status:
-            return np.full(self.measured.size, _REFUSED)
+            return np.full(self.measured.size, _NO_ANSWER_DEVIATION)
         missed: FloatArray = (self.circuit.output(flux) - self.measured) / self.largest
         return missed
 
 
-class _Problem:
+class _RateProblem:
     """Fast loops in groups, around a static model."""
 
-    def __init__(self, model: Model, speeds: Speeds, largest: float) -> None:
+    def __init__(self, model: Model, speeds: SpeedGroups, largest: float) -> None:
         irons: dict[float | None, AnyIron] = {}  # own ones: fits cut them into layers
         law = model.operator_law
 
-        def path(loop: Loop) -> _Path:
-            gap = loop.schedule_value if model.fixed_gap_only else None
+        def path(loop: Loop) -> _LoopPath:
+            gap = loop.schedule_value if model.needs_fixed_gap else None
             if gap not in irons:
                 at = model.parameters_at(gap if gap is not None else model.first_node)
                 made = law.iron(*(at[spec.name] for spec in law.parameters))
                 assert isinstance(made, AnyIron)
                 irons[gap] = made
-            return _Path(model, loop, irons[gap], largest)
+            return _LoopPath(model, loop, irons[gap], largest)
 
         self.groups = [[path(loop) for loop in loops] for loops in speeds.fast]
         self.slow = [path(loop) for loop in speeds.slow.loops]
         last = self.groups[-1]
         density = max(float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in last)
         drive = max(float(np.ptp(path.drive)) for path in last)
-        self.scale = drive / (2.0 * np.pi * speeds.fastest * density)
+        self.gamma_scale = drive / (2.0 * np.pi * speeds.fastest_rate * density)
 
-    def left_out(self) -> list[tuple[list[list[_Path]], list[list[_Path]]]]:
+    def make_folds(self) -> list[tuple[list[list[_LoopPath]], list[list[_LoopPath]]]]:
         """Return what is fitted and what is left out: each speed, or of one speed each gap."""
         if len(self.groups) > 1:
             parts = [[group] for group in self.groups]
@@ -171,20 +171,26 @@ class _Problem:
         ]
 
     def fit(
-        self, groups: Sequence[Sequence[_Path]], count: int, start: _Rate | None = None
-    ) -> tuple[_Rate, float]:
+        self,
+        groups: Sequence[Sequence[_LoopPath]],
+        count: int,
+        start: _RateParameters | None = None,
+    ) -> tuple[_RateParameters, float]:
         """Fit some loops; return what was found and the deviation of ``ln(gamma)``."""
         from scipy.optimize import least_squares
 
         if start is None:
-            shares = () if count == 1 else (_logit(1.0 / count), _logit(SHEETS))
-            tried = [_Rate(count, (float(np.log(g * self.scale)), *shares)) for g in TRIED]
-            start = min(tried, key=lambda rate: mean_missed(groups, rate))
+            shares = () if count == 1 else (_logit(1.0 / count), _logit(START_LAMINATED_SHARE))
+            tried = [
+                _RateParameters(count, (float(np.log(g * self.gamma_scale)), *shares))
+                for g in GAMMA_START_RATIOS
+            ]
+            start = min(tried, key=lambda rate: mean_error(groups, rate))
 
         def residuals(theta: FloatArray) -> FloatArray:
-            rate = _Rate(count, tuple(theta.tolist()))
+            rate = _RateParameters(count, tuple(theta.tolist()))
             rows = [
-                path.missed(rate) / np.sqrt(path.measured.size * len(group))
+                path.relative_residual(rate) / np.sqrt(path.measured.size * len(group))
                 for group in groups
                 for path in group
             ]
@@ -200,43 +206,47 @@ class _Problem:
         spare = max(1, end.fun.size - end.x.size)
         inverse = np.linalg.pinv(end.jac.T @ end.jac)
         std = float(np.sqrt(2.0 * end.cost / spare * inverse[0, 0]))
-        return _Rate(count, tuple(end.x.tolist())), std
+        return _RateParameters(count, tuple(end.x.tolist())), std
 
 
 def _logit(share: float) -> float:
     return float(np.log(share / (1.0 - share)))
 
 
-def mean_missed(groups: Iterable[Sequence[_Path]], rate: _Rate) -> float:
+def mean_error(groups: Iterable[Sequence[_LoopPath]], rate: _RateParameters) -> float:
     """Return the root mean square that is missed, by the geometric mean of the groups."""
-    return _log_mean(
-        float(np.sqrt(np.mean(np.concatenate([path.missed(rate) ** 2 for path in group]))))
+    return _geometric_mean(
+        float(
+            np.sqrt(np.mean(np.concatenate([path.relative_residual(rate) ** 2 for path in group])))
+        )
         for group in groups
     )
 
 
-def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[0]) -> RateFit:
+def fit_rate(
+    model: Model, loops: Loops, speeds: SpeedGroups, min_layers: int = LAYER_COUNTS[0]
+) -> RateFit:
     """Fit eddy currents to fast loops around a fixed static model, with a least number of layers."""
-    static, model = model, _in_series(model)
-    problem = _Problem(model, speeds, largest_output(loops))
-    folds = problem.left_out()
-    at_rest = _Rate(1, (-np.inf,))
-    still = _log_mean(mean_missed(out, at_rest) for _, out in folds)
-    chosen: tuple[_Rate, float] | None = None
+    static, model = model, _with_series_reluctance(model)
+    problem = _RateProblem(model, speeds, largest_output(loops))
+    folds = problem.make_folds()
+    at_rest = _RateParameters(1, (-np.inf,))
+    still = _geometric_mean(mean_error(out, at_rest) for _, out in folds)
+    chosen: tuple[_RateParameters, float] | None = None
     fitted = unseen = np.inf
-    for count in COUNTS[COUNTS.index(at_least) :]:
+    for count in LAYER_COUNTS[LAYER_COUNTS.index(min_layers) :]:
         rate, std = problem.fit(problem.groups, count)
-        missed = mean_missed(problem.groups, rate)
+        missed = mean_error(problem.groups, rate)
         if chosen is None:
-            unseen = _log_mean(
-                mean_missed(
+            unseen = _geometric_mean(
+                mean_error(
                     out, problem.fit(rest, count, rate)[0] if rest is not problem.groups else rate
                 )
                 for rest, out in folds
             )
-            pays = unseen < WORTH * still
+            pays = unseen < MAX_ERROR_RATIO * still
         else:
-            pays = missed < WORTH * fitted
+            pays = missed < MAX_ERROR_RATIO * fitted
         if pays:
             fitted, chosen = missed, (rate, std)
         elif chosen is not None and count > 2:
@@ -251,21 +261,21 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[
         model,
         parameters={**model.parameters, "gamma": rate.gamma},
         layers=Layers(rate.count, *rate.shares) if rate.count > 1 else None,
-        dynamics=replace(model.dynamics or Dynamics(), fastest=speeds.fastest),
+        dynamics=replace(model.dynamics or Dynamics(), fastest=speeds.fastest_rate),
     )
     what = "a lag of the flux misses" if rate.count == 1 else f"{rate.count} layers miss"
     why = (
         f"{what} {100.0 * fitted:.2g} % of the fast loops; of what is left out of a fit rate leaves "
         f"{100.0 * unseen:.2g} %, the static model {of_static}"
     )
-    return RateFit(made, why, std, mean_missed([*problem.groups, problem.slow], rate))
+    return RateFit(made, why, std, mean_error([*problem.groups, problem.slow], rate))
 
 
-def _log_mean(values: Iterable[float]) -> float:
+def _geometric_mean(values: Iterable[float]) -> float:
     return float(np.exp(np.mean(np.log(list(values)))))
 
 
-def _in_series(model: Model) -> Model:
+def _with_series_reluctance(model: Model) -> Model:
     """Return a model of cells with the coupling that is a reluctance put around the layers.
 
     At rest they are the same, but a reluctance holds back the flux of all layers together and a
@@ -274,9 +284,9 @@ def _in_series(model: Model) -> Model:
     stands for is moved.
     """
     law, alpha = model.operator_law, model.parameters["alpha"]
-    if law.cells is None or isinstance(alpha, tuple) or not alpha or model.fixed_gap_only:
+    if law.cells is None or isinstance(alpha, tuple) or not alpha or model.needs_fixed_gap:
         return model
-    if alpha > 0.0 and not model.jumps_alone:
+    if alpha > 0.0 and not model.jumps_without_gap:
         return model
     held = (1.0 - alpha) * (1.0 + np.array(model.parameters["rho"]))
     kept = max(0.0, 1.0 - float(held.min()))
@@ -288,13 +298,17 @@ def _in_series(model: Model) -> Model:
     return replace(model, parameters={**model.parameters, **parameters, **around})
 
 
-def without_rate(model: Model, static: Model, slow: Loops) -> Loops | None:
+def remove_rate_effect(model: Model, static: Model, slow: Loops) -> Loops | None:
     """Take what rate does to slow loops off them; None where that is too little to matter."""
     left, done, mended = [], [], []
     for loop in slow.loops:
-        still = static.on(loop)
-        late = model.on(loop) - still
+        still = static.predict_loop(loop)
+        late = model.predict_loop(loop) - still
         left.append(np.mean((loop.output - still) ** 2))
         done.append(np.mean(late**2))
         mended.append(replace(loop, output=loop.output - late))
-    return None if np.mean(done) <= PEELED**2 * np.mean(left) else slow.with_loops(mended)
+    return (
+        None
+        if np.mean(done) <= MIN_RATE_EFFECT_RATIO**2 * np.mean(left)
+        else slow.with_loops(mended)
+    )

@@ -11,66 +11,74 @@ from collections.abc import Sequence
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.identification.bare import is_over_gap
-from anhyst.identification.candidates import Contest, ModelCandidate, titles
+from anhyst.identification.candidates import Comparison, ModelCandidate, make_titles
+from anhyst.identification.model_building import is_scheduled_over_gap
 from anhyst.model.schema import CHOSEN, CandidateFit
 
-_FITS_BETTER = 1.5
+_MIN_OFFER_RATIO = 1.5
 """Rms deviation over that of a map that cannot be compiled, from which on the reason offers it."""
 
 
-def list_candidates(contest: Contest, best: ModelCandidate, law: str) -> tuple[CandidateFit, ...]:
+def list_candidates(
+    comparison: Comparison, best: ModelCandidate, law: str
+) -> tuple[CandidateFit, ...]:
     """Put all candidates side by side, the simplest first."""
-    every = sorted(dict.fromkeys([*contest.fits, *contest.dropped]), key=lambda one: one.rank)
+    every = sorted(dict.fromkeys([*comparison.fits, *comparison.dropped]), key=lambda one: one.rank)
     return tuple(
         CandidateFit(
             law=title,
-            gap_map=candidate.written_map,
-            numbers=fits.lean.theta.size if fits else 0,
-            rms=float(np.sqrt(fits.lean.cost)) if fits else None,
-            left_out=contest.finite_error(candidate) if candidate in contest.entrants else None,
-            note=_note(contest, candidate, best),
+            gap_map=candidate.file_gap_map,
+            numbers=fits.reduced.theta.size if fits else 0,
+            rms=float(np.sqrt(fits.reduced.cost)) if fits else None,
+            left_out=comparison.finite_withheld_error(candidate)
+            if candidate in comparison.eligible
+            else None,
+            note=_note(comparison, candidate, best),
         )
-        for candidate, title in zip(every, titles(every, law), strict=True)
-        for fits in [contest.fits.get(candidate)]
+        for candidate, title in zip(every, make_titles(every, law), strict=True)
+        for fits in [comparison.fits.get(candidate)]
     )
 
 
-def _note(contest: Contest, candidate: ModelCandidate, best: ModelCandidate) -> str:
+def _note(comparison: Comparison, candidate: ModelCandidate, best: ModelCandidate) -> str:
     if candidate == best:
         return CHOSEN
-    if candidate in contest.dropped:
-        return f"dropped: {contest.dropped[candidate]}"
-    return "" if candidate in contest.entrants else "passed over"
+    if candidate in comparison.dropped:
+        return f"dropped: {comparison.dropped[candidate]}"
+    return "" if candidate in comparison.eligible else "passed over"
 
 
-def explain_law(contest: Contest, best: ModelCandidate, law: str, loopset: Loops) -> str:
+def explain_law(comparison: Comparison, best: ModelCandidate, law: str, loopset: Loops) -> str:
     """Say why this law was chosen."""
-    names = dict(zip(contest.fits, titles(list(contest.fits), law), strict=True))
-    withheld = {"gap": _places(loopset), "loop": "loops", "block": "blocks of samples"}
-    own = contest.finite_error(best)
+    names = dict(zip(comparison.fits, make_titles(list(comparison.fits), law), strict=True))
+    withheld = {"gap": _schedule_plural(loopset), "loop": "loops", "block": "blocks of samples"}
+    own = comparison.finite_withheld_error(best)
     if own is None:
         return (
             f"law {names[best]}: the simplest, no candidate has an answer at all withheld samples"
         )
     text = (
-        f"law {names[best]} predicts withheld {withheld[contest.by]} with a mean error of "
+        f"law {names[best]} predicts withheld {withheld[comparison.withheld_kind]} with a mean error of "
         f"{_percent(own)} of the largest output"
     )
-    errors = {model: contest.finite_error(model) for model in contest.entrants if model != best}
+    errors = {
+        model: comparison.finite_withheld_error(model)
+        for model in comparison.eligible
+        if model != best
+    }
     others = {model: error for model, error in errors.items() if error is not None}
     if not others:
         return text
     least = min(others, key=lambda model: others[model])
-    under = "" if least.written_map == best.written_map else f" under '{least.written_map}'"
+    under = "" if least.file_gap_map == best.file_gap_map else f" under '{least.file_gap_map}'"
     text += f"; {names[least]}{under} has an error of {_percent(others[least])}"
-    return text + (_why_not(contest, best, least) if others[least] < own else "")
+    return text + (_explain_rejected(comparison, best, least) if others[least] < own else "")
 
 
-def _why_not(contest: Contest, best: ModelCandidate, other: ModelCandidate) -> str:
+def _explain_rejected(comparison: Comparison, best: ModelCandidate, other: ModelCandidate) -> str:
     """Say why a candidate with a smaller mean error was not chosen."""
-    if contest.is_several_times_worse(other, best):
-        rms = np.sqrt([contest.fits[each].lean.cost for each in (best, other)])
+    if comparison.is_several_times_worse(other, best):
+        rms = np.sqrt([comparison.fits[each].reduced.cost for each in (best, other)])
         return f", but it fits the loops with {_percent(rms[1])} rms instead of {_percent(rms[0])}"
     if other.rank > best.rank:
         return ", but the difference is within its scatter and the law is more complex"
@@ -78,30 +86,30 @@ def _why_not(contest: Contest, best: ModelCandidate, other: ModelCandidate) -> s
 
 
 def explain_gap_map(
-    contest: Contest,
+    comparison: Comparison,
     best: ModelCandidate,
-    wanted: str,
+    requested: str,
     loopset: Loops,
-    passed_over: Sequence[ModelCandidate],
+    rejected: Sequence[ModelCandidate],
 ) -> str:
     """Say why this gap map was chosen."""
-    name = best.written_map
-    gaps, count = _places(loopset), len(loopset.schedule_values)
+    name = best.file_gap_map
+    gaps, count = _schedule_plural(loopset), len(loopset.schedule_values)
     if count < 2:
         over = loopset.schedule.name if loopset.schedule else "gap"
         return f"there are loops at one {over} only, so no parameter depends on the {over}"
     if count == 2:
         why = (
-            f"gap map '{name}' was {'chosen by its fit alone' if wanted == 'auto' else 'requested'}; "
+            f"gap map '{name}' was {'chosen by its fit alone' if requested == 'auto' else 'requested'}; "
             f"with two {gaps} none can be withheld to test it, so between and beyond them the model "
             "is a guess"
         )
-    elif wanted != "auto":
+    elif requested != "auto":
         why = f"gap map '{name}' was requested"
     else:
-        why = _compare_maps(contest, best, gaps)
-    text = f"{why}{_offer(contest, best, loopset)}"
-    if names := dict.fromkeys(each.written_map for each in passed_over):
+        why = _explain_comparison(comparison, best, gaps)
+    text = f"{why}{_offer_free_map(comparison, best, loopset)}"
+    if names := dict.fromkeys(each.file_gap_map for each in rejected):
         text += (
             f"; passed over: {', '.join(names)} (cannot be compiled, fails the acceptance test, "
             "deviates between the gaps or starts far from the measurement)"
@@ -109,9 +117,9 @@ def explain_gap_map(
     return text
 
 
-def _compare_maps(contest: Contest, best: ModelCandidate, gaps: str) -> str:
-    name = best.written_map
-    errors = contest.errors_of_maps(best) if contest.by == "gap" else {}
+def _explain_comparison(comparison: Comparison, best: ModelCandidate, gaps: str) -> str:
+    name = best.file_gap_map
+    errors = comparison.errors_by_map(best) if comparison.withheld_kind == "gap" else {}
     own = errors.pop(name, np.inf)
     if not np.isfinite(own):
         return f"gap map '{name}' fits the loops best"
@@ -129,17 +137,17 @@ def _compare_maps(contest: Contest, best: ModelCandidate, gaps: str) -> str:
     return why
 
 
-def _offer(contest: Contest, best: ModelCandidate, loopset: Loops) -> str:
+def _offer_free_map(comparison: Comparison, best: ModelCandidate, loopset: Loops) -> str:
     """Name the map ``free`` if it fits better and was not chosen because it cannot be compiled."""
-    if is_over_gap(loopset) or best.gap_map == "free":
+    if is_scheduled_over_gap(loopset) or best.gap_map == "free":
         return ""
-    own = contest.fits[best].lean.cost
+    own = comparison.fits[best].reduced.cost
     costs = [
-        fits.lean.cost
-        for each, fits in contest.fits.items()
-        if each.gap_map == "free" and each not in contest.entrants
+        fits.reduced.cost
+        for each, fits in comparison.fits.items()
+        if each.gap_map == "free" and each not in comparison.eligible
     ]
-    if not costs or own < _FITS_BETTER**2 * min(costs):
+    if not costs or own < _MIN_OFFER_RATIO**2 * min(costs):
         return ""
     rms = [_percent(float(np.sqrt(cost))) for cost in (own, min(costs))]
     return (
@@ -148,9 +156,9 @@ def _offer(contest: Contest, best: ModelCandidate, loopset: Loops) -> str:
     )
 
 
-def _places(loopset: Loops) -> str:
+def _schedule_plural(loopset: Loops) -> str:
     """Return what the values of the schedule are called."""
-    if loopset.schedule is None or is_over_gap(loopset):
+    if loopset.schedule is None or is_scheduled_over_gap(loopset):
         return "gaps"
     return f"values of the {loopset.schedule.name}"
 

@@ -18,31 +18,31 @@ from numpy.typing import NDArray
 
 from anhyst._core import Operator, demagnetised, langevin
 from anhyst.identification.cell_kernel import CellKernel, CellPath, WeightKernel, require_answer
-from anhyst.identification.fit_records import FitRecord, Past
+from anhyst.identification.fit_records import FitRecord, InputHistory
 from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.law import Kernel
 from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
 
-SURROUNDING = ("omega", "scale", "gain", "in_0", "out_0")
+CIRCUIT_NAMES = ("omega", "scale", "gain", "in_0", "out_0")
 """What surrounds the law, in the order of the derivatives."""
 
-LOCAL = ("kappa", "c", *SURROUNDING)
+PARAMETER_NAMES = ("kappa", "c", *CIRCUIT_NAMES)
 """Gauge-free parameters at one gap of a law of Jiles and Atherton, in the same order."""
 
-_DIRECTIONS = 5  # kappa, c, omega, scale, in_0; the core differentiates by these
-_SEED = 5  # one more direction: the state at the start of a settled cycle
-_CLOSED = 1e-10
-_NEARLY_CLOSED = 1e-5
-_PASSES = 80
-FLATTEST = 0.95
-_CREEPING = 4  # passes after which the rest of the way is extrapolated
-_FAR = 1e3  # effective field, in units of a, that no loop needs
-_FULL = 1.0 - 1e-6  # magnetisation that no effective field up to there exceeds
+_DERIVATIVE_COUNT = 5  # kappa, c, omega, scale, in_0; the core differentiates by these
+_START_DERIVATIVE = 5  # one more direction: the state at the start of a settled cycle
+_CLOSED_TOLERANCE = 1e-10
+_NEARLY_CLOSED_TOLERANCE = 1e-5
+_MAX_PASSES = 80
+MAX_FLATNESS = 0.95
+_PASSES_PER_EXTRAPOLATION = 4  # passes after which the rest of the way is extrapolated
+_MAX_FIELD = 1e3  # effective field, in units of a, that no loop needs
+_MAX_MAGNETISATION = 1.0 - 1e-6  # magnetisation that no effective field up to there exceeds
 
 
 @dataclass(frozen=True, slots=True)
-class Local:
+class ParameterSet:
     """Gauge-free parameters at one gap."""
 
     law: tuple[float, ...]  # Numbers of the law, in the order of its kernel: dimensionless
@@ -91,34 +91,34 @@ class ResponseForm:
     @property
     def names(self) -> tuple[str, ...]:
         """Gauge-free parameters at one gap, in the order of the derivatives."""
-        return (*(number.name for number in self.kernel.numbers), *SURROUNDING)
+        return (*(number.name for number in self.kernel.fit_parameters), *CIRCUIT_NAMES)
 
-    def values(self, local: Local) -> dict[str, float]:
+    def named_values(self, local: ParameterSet) -> dict[str, float]:
         """Return the parameters of a set by name."""
-        around = (getattr(local, name) for name in SURROUNDING)
+        around = (getattr(local, name) for name in CIRCUIT_NAMES)
         return dict(zip(self.names, (*local.law, *around), strict=True))
 
-    def local(self, values: Sequence[float]) -> Local:
+    def make_set(self, values: Sequence[float]) -> ParameterSet:
         """Return a set of parameters in the order of the names, with h by the rule."""
         *law, omega, scale, gain, in_0, out_0 = values
         h = self.permeability * scale / gain if self.permeability > 0.0 else self.h
-        return Local(tuple(law), omega, scale, gain, in_0, out_0, h)
+        return ParameterSet(tuple(law), omega, scale, gain, in_0, out_0, h)
 
-    def operator(self, local: Local) -> Operator:
+    def make_operator(self, local: ParameterSet) -> Operator:
         """Build the law for a parameter set; in the law of 1986 interaction enters twice."""
         require_slope([local])
         kernel = self.kernel
         assert isinstance(kernel, Kernel)
         try:
             play = self.dead_band * local.kappa
-            return kernel.operator(local.kappa, local.c, play, local.omega)
+            return kernel.make_operator(local.kappa, local.c, play, local.omega)
         except ValueError as error:
             raise NoResponseError(str(error)) from error
 
 
-def require_slope(sets: Sequence[Local]) -> None:
+def require_slope(sets: Sequence[ParameterSet]) -> None:
     """Refuse sets whose curve would be all but as flat as the air core."""
-    if max(local.h * local.omega for local in sets) > FLATTEST:
+    if max(local.h * local.omega for local in sets) > MAX_FLATNESS:
         raise NoResponseError("the curve would be all but as flat as the air core")
 
 
@@ -129,27 +129,27 @@ class Responder:
         self._starts: dict[int, FloatArray] = {}
 
     def outputs(
-        self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
+        self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> list[FloatArray]:
         """Output of every drive, SI."""
-        laws = _operators(form, sets)
+        laws = _make_operators(form, sets)
         return [self.output(form, sets[d.gap], laws[d.gap], d, sets) for d in records]
 
     def derivatives(
-        self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
+        self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
     ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
         """Yield gap and output of every drive, and its derivatives by :data:`LOCAL`, shape (n, 7)."""
-        laws = _operators(form, sets)
+        laws = _make_operators(form, sets)
         for record in records:
             yield record.gap, *self.with_derivatives(form, sets, laws[record.gap], record)
 
     def output(
         self,
         form: ResponseForm,
-        local: Local,
+        local: ParameterSet,
         operator: Operator,
         record: FitRecord,
-        sets: Sequence[Local] = (),
+        sets: Sequence[ParameterSet] = (),
     ) -> FloatArray:
         """Output of one drive, shape (n,), SI, without derivatives.
 
@@ -158,71 +158,79 @@ class Responder:
         r = (record.input - local.in_0) / local.scale
         omega = np.full(r.size, local.omega)
         state = demagnetised()
-        if record.lead.drive.size and not record.settled:
-            before, lead = driven_before(sets or (local,), record.lead)
+        if record.history.drive.size and not record.is_cycle:
+            before, lead = history_inputs(sets or (local,), record.history)
             _, _, state, status, _ = operator.run(before, lead, state)
             require_answer(status)
-        elif record.settled and id(record) in self._starts:
-            state = _admissible(self._starts[id(record)], form, local, float(r[-1]))
+        elif record.is_cycle and id(record) in self._starts:
+            state = _make_admissible(self._starts[id(record)], form, local, float(r[-1]))
         x, m, after, status, _ = operator.run(omega, r, state)
         require_answer(status)
         ends = [float(state[1])]
-        while record.settled and abs(after[1] - state[1]) > _CLOSED and len(ends) < _PASSES:
+        while (
+            record.is_cycle
+            and abs(after[1] - state[1]) > _CLOSED_TOLERANCE
+            and len(ends) < _MAX_PASSES
+        ):
             ends.append(float(after[1]))
             state = after
-            if len(ends) % _CREEPING == 0:
-                state = _admissible(_limit(after, ends), form, local, float(r[-1]))
+            if len(ends) % _PASSES_PER_EXTRAPOLATION == 0:
+                state = _make_admissible(_extrapolate_cycle(after, ends), form, local, float(r[-1]))
             x, m, after, status, _ = operator.run(omega, r, state)
             require_answer(status)
-        if record.settled:
+        if record.is_cycle:
             self._starts[id(record)] = after
         return np.asarray(local.gain * (m + local.h * x) ** form.power + local.out_0)
 
     def with_derivatives(
-        self, form: ResponseForm, sets: Sequence[Local], operator: Operator, record: FitRecord
+        self,
+        form: ResponseForm,
+        sets: Sequence[ParameterSet],
+        operator: Operator,
+        record: FitRecord,
     ) -> tuple[FloatArray, FloatArray]:
         """Output of one drive, shape (n,), and its derivatives by :data:`LOCAL`, shape (n, 7)."""
         local = sets[record.gap]
-        if record.settled:
-            path = self._settled(form, local, operator, record)
+        if record.is_cycle:
+            path = self._follow_cycle(form, local, operator, record)
         else:
-            path = _once(form, sets, operator, record)
-        return differentiated(form, [local], np.zeros(record.input.size, dtype=np.intp), path)
+            path = _follow_record(form, sets, operator, record)
+        return output_derivatives(form, [local], np.zeros(record.input.size, dtype=np.intp), path)
 
-    def _settled(
-        self, form: ResponseForm, local: Local, operator: Operator, record: FitRecord
+    def _follow_cycle(
+        self, form: ResponseForm, local: ParameterSet, operator: Operator, record: FitRecord
     ) -> CellPath:
         """Close the cycle by Newton on the one number that is free: y before the first sample."""
-        terms = _Terms(form, local, record.input, _DIRECTIONS + 1)
+        terms = _SolverInputs(form, local, record.input, _DERIVATIVE_COUNT + 1)
         state = self._starts.get(id(record))
         if state is None:
             _, _, state, status, _ = operator.run(terms.omega, terms.r, demagnetised())
             require_answer(status)
-        state = _admissible(state, form, local, float(terms.r[-1]))
-        for _ in range(_PASSES):
-            seeds = _seeds(form, local, terms, state)
+        state = _make_admissible(state, form, local, float(terms.r[-1]))
+        for _ in range(_MAX_PASSES):
+            seeds = _start_derivatives(form, local, terms, state)
             x, m, x_t, m_t, after, seeds_after, status, _ = operator.sensitivity(
                 terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, seeds
             )
             require_answer(status)
-            kept = min(float(seeds_after[_SEED, 1]), 0.999)
+            kept = min(float(seeds_after[_START_DERIVATIVE, 1]), 0.999)
             missing = (after[1] - state[1]) / (1.0 - kept)
-            if abs(missing) < _NEARLY_CLOSED:
+            if abs(missing) < _NEARLY_CLOSED_TOLERANCE:
                 break
-            start = after + kept * missing * seeds[_SEED]
-            state = _admissible(start, form, local, float(terms.r[-1]))
+            start = after + kept * missing * seeds[_START_DERIVATIVE]
+            state = _make_admissible(start, form, local, float(terms.r[-1]))
         # The rest of the way is so short that the derivatives carry it: no further pass.
-        x += missing * x_t[:, _SEED]
-        m += missing * m_t[:, _SEED]
-        self._starts[id(record)] = after + kept * missing * seeds[_SEED]
-        start_t = seeds_after[:_DIRECTIONS, 1] / (1.0 - kept)
-        m_t[:, :_DIRECTIONS] += m_t[:, _SEED, None] * start_t
-        x_t[:, :_DIRECTIONS] += x_t[:, _SEED, None] * start_t
+        x += missing * x_t[:, _START_DERIVATIVE]
+        m += missing * m_t[:, _START_DERIVATIVE]
+        self._starts[id(record)] = after + kept * missing * seeds[_START_DERIVATIVE]
+        start_t = seeds_after[:_DERIVATIVE_COUNT, 1] / (1.0 - kept)
+        m_t[:, :_DERIVATIVE_COUNT] += m_t[:, _START_DERIVATIVE, None] * start_t
+        x_t[:, :_DERIVATIVE_COUNT] += x_t[:, _START_DERIVATIVE, None] * start_t
         return CellPath(x, m, x_t, m_t)
 
 
-def differentiated(
-    form: ResponseForm, sets: Sequence[Local], gaps: NDArray[np.intp], path: CellPath
+def output_derivatives(
+    form: ResponseForm, sets: Sequence[ParameterSet], gaps: NDArray[np.intp], path: CellPath
 ) -> tuple[FloatArray, FloatArray]:
     """Output at each sample, and its derivatives by the numbers at its gap."""
     x, m, x_t, m_t = path
@@ -243,19 +251,19 @@ def differentiated(
     return gain * b**form.power + out_0, jacobian
 
 
-def _operators(form: ResponseForm, sets: Sequence[Local]) -> list[Operator]:
+def _make_operators(form: ResponseForm, sets: Sequence[ParameterSet]) -> list[Operator]:
     """Laws at each gap; those that are the same are built once."""
     built: dict[tuple[float, ...], Operator] = {}
     operators = []
     for local in sets:
-        key = (*local.law, local.omega) if form.kernel.coupled else local.law
+        key = (*local.law, local.omega) if form.kernel.is_coupled else local.law
         if key not in built:
-            built[key] = form.operator(local)
+            built[key] = form.make_operator(local)
         operators.append(built[key])
     return operators
 
 
-def between(sets: Sequence[Local], gap: FloatArray) -> tuple[FloatArray, ...]:
+def interpolate_over_gaps(sets: Sequence[ParameterSet], gap: FloatArray) -> tuple[FloatArray, ...]:
     """Return omega, scale and in_0 at places of gaps, and between them."""
     indices = np.arange(len(sets))
     return tuple(
@@ -264,17 +272,19 @@ def between(sets: Sequence[Local], gap: FloatArray) -> tuple[FloatArray, ...]:
     )
 
 
-def driven_before(sets: Sequence[Local], past: Past) -> tuple[FloatArray, FloatArray]:
+def history_inputs(
+    sets: Sequence[ParameterSet], past: InputHistory
+) -> tuple[FloatArray, FloatArray]:
     """Put what was before a drive in the terms of the solver: omega and right side, at its gaps."""
-    omega, scale, in_0 = between(sets, past.gap_position)
+    omega, scale, in_0 = interpolate_over_gaps(sets, past.gap_position)
     return omega, (past.drive - in_0) / scale
 
 
-class _Terms:
+class _SolverInputs:
     """A drive in the terms of the solver, with derivatives by kappa, c, omega, scale, in_0."""
 
     def __init__(
-        self, form: ResponseForm, local: Local, drive: FloatArray, directions: int
+        self, form: ResponseForm, local: ParameterSet, drive: FloatArray, directions: int
     ) -> None:
         n = drive.size
         self.r = (drive - local.in_0) / local.scale
@@ -290,24 +300,26 @@ class _Terms:
         self.law_t[1, 1] = 1.0
 
 
-def _once(
-    form: ResponseForm, sets: Sequence[Local], operator: Operator, record: FitRecord
+def _follow_record(
+    form: ResponseForm, sets: Sequence[ParameterSet], operator: Operator, record: FitRecord
 ) -> CellPath:
-    first = record.lead.drive.size
-    whole = np.concatenate([record.lead.drive, record.input])
-    terms = _Terms(form, sets[record.gap], whole, _DIRECTIONS)
-    terms.omega[:first], terms.r[:first] = driven_before(sets, record.lead)
+    first = record.history.drive.size
+    whole = np.concatenate([record.history.drive, record.input])
+    terms = _SolverInputs(form, sets[record.gap], whole, _DERIVATIVE_COUNT)
+    terms.omega[:first], terms.r[:first] = history_inputs(sets, record.history)
     # What the circuit at other gaps adds through the past alone is left out of the derivatives.
-    elsewhere = np.flatnonzero(record.lead.gap_position != record.gap)
+    elsewhere = np.flatnonzero(record.history.gap_position != record.gap)
     terms.omega_t[elsewhere] = terms.r_t[elsewhere] = 0.0
     around = terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t
-    seeds = np.zeros((_DIRECTIONS, 3))
+    seeds = np.zeros((_DERIVATIVE_COUNT, 3))
     *path, _, _, status, _ = operator.sensitivity(*around, demagnetised(), seeds)
     require_answer(status)
     return CellPath(*(values[first:] for values in path))
 
 
-def _seeds(form: ResponseForm, local: Local, terms: _Terms, state: FloatArray) -> FloatArray:
+def _start_derivatives(
+    form: ResponseForm, local: ParameterSet, terms: _SolverInputs, state: FloatArray
+) -> FloatArray:
     """Differentiate the state before the first sample: x follows y by the equation there.
 
     The play stands at the same part of its width, as it does where a drive has pushed it.
@@ -318,11 +330,11 @@ def _seeds(form: ResponseForm, local: Local, terms: _Terms, state: FloatArray) -
     steepness = 1.0 + local.omega * c * slope
     x_t = terms.r_t[-1] - terms.omega_t[-1] * ((1.0 - c) * y + c * pull)
     x_t = x_t - local.omega * (pull - y) * terms.law_t[:, 1]
-    x_t[_SEED] = -local.omega * (1.0 - c)
-    seeds = np.zeros((_DIRECTIONS + 1, 3))
+    x_t[_START_DERIVATIVE] = -local.omega * (1.0 - c)
+    seeds = np.zeros((_DERIVATIVE_COUNT + 1, 3))
     seeds[:, 0] = seeds[:, 2] = x_t / steepness
     seeds[0, 2] += (p - x) / kappa if form.dead_band else 0.0
-    seeds[_SEED, 1] = 1.0
+    seeds[_START_DERIVATIVE, 1] = 1.0
     return seeds
 
 
@@ -332,7 +344,9 @@ def _langevin(x: float) -> tuple[float, float]:
     return value.item(), slope.item()
 
 
-def _admissible(state: FloatArray, form: ResponseForm, local: Local, r: float) -> FloatArray:
+def _make_admissible(
+    state: FloatArray, form: ResponseForm, local: ParameterSet, r: float
+) -> FloatArray:
     """Make a state from elsewhere one before the first sample: x by the equation, y within reach.
 
     With y at rest the equation is ``x + omega*((1-c)*y + c*L(x)) = r``, smooth in x.
@@ -345,15 +359,15 @@ def _admissible(state: FloatArray, form: ResponseForm, local: Local, r: float) -
         pull, slope = _langevin(x)
         rest = x + omega * ((1.0 - c) * y + c * pull) - r
         x -= rest / (1.0 + omega * c * slope)
-    x = min(max(x, -_FAR), _FAR)  # y from other parameters can send it anywhere
+    x = min(max(x, -_MAX_FIELD), _MAX_FIELD)  # y from other parameters can send it anywhere
     p = x + behind
     pull, _ = _langevin(p)
     room = kappa / 3.0
-    y = min(max(y, pull - room, -_FULL), pull + room, _FULL)
+    y = min(max(y, pull - room, -_MAX_MAGNETISATION), pull + room, _MAX_MAGNETISATION)
     return np.array([x, y, p])
 
 
-def _limit(state: FloatArray, ends: list[float]) -> FloatArray:
+def _extrapolate_cycle(state: FloatArray, ends: list[float]) -> FloatArray:
     """Where the last three ends of passes lead: small loops creep for hundreds of passes."""
     first, second = ends[-2] - ends[-3], ends[-1] - ends[-2]
     if abs(second) >= abs(first):

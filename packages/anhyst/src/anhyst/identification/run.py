@@ -29,15 +29,15 @@ from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, few, length_scale
+from anhyst.support.result import Result, length_scale, thinning_slice
 from anhyst.support.toml_file import Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from anhyst.identification.default import FoundModel
+    from anhyst.identification.default_search import FoundModel
 
-SEARCHED = 400  # samples of a loop that a search looks at, at most
+MAX_SEARCH_SAMPLES = 400  # samples of a loop that a search looks at, at most
 
 Stage = TypeVar("Stage")
 
@@ -49,21 +49,21 @@ class SearchRun:
     form: ResponseForm  # equations of the measured quantities
     records: FitRecords  # what is fitted
     seed: int  # of everything random
-    held: frozenset[str]  # parameters that are zero and not fitted
+    fixed: frozenset[str]  # parameters that are zero and not fitted
     cells: tuple[Shape, ...] = ()  # curves of play cells that are compared with the law of the form
     only_cells: bool = False  # whether only they may be chosen
     dead_band: bool = True  # whether the law is given the widest dead band that the loops allow
-    total: int = 1  # number of stages foreseen
+    total_stages: int = 1  # number of stages foreseen
     progress: Progress | None = None  # called with the number of stages done and the total
     # file that keeps finished stages until the run ends well; None keeps nothing
     checkpoint: Path | None = None
-    resumed: int = 0  # number of stages taken from the checkpoint
+    resumed_stages: int = 0  # number of stages taken from the checkpoint
     # processor time of each kind of stage, s; runs of one identification share it
-    spent: dict[str, float] = field(default_factory=dict)
+    cpu_times: dict[str, float] = field(default_factory=dict)
     best: FoundModel | None = None  # the best complete fit so far, for a run that is interrupted
     _key: str = ""
-    _done: int = 0
-    _kept: dict[str, Any] = field(default_factory=dict)
+    _done_stages: int = 0
+    _stored_stages: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.checkpoint is None:
@@ -74,37 +74,37 @@ class SearchRun:
         except (OSError, ValueError):
             return  # none there, or not one of ours: begin from the start
         if isinstance(stored, dict) and stored.get("key") == self._key:
-            self._kept = dict(stored.get("stages", {}))
+            self._stored_stages = dict(stored.get("stages", {}))
 
     @cached_property
-    def searched(self) -> FitRecords:
+    def search_records(self) -> FitRecords:
         """What the search runs on: long loops thinned, since the exact step does not mind."""
-        return self.records.thinned(SEARCHED)
+        return self.records.thinned(MAX_SEARCH_SAMPLES)
 
     def stage(self, name: str, work: Callable[[], Stage]) -> Stage:
         """Do one stage, or take what an earlier, killed run has left of it."""
-        if name in self._kept:
-            self.resumed += 1
+        if name in self._stored_stages:
+            self.resumed_stages += 1
         else:
-            self._kept[name] = work()
+            self._stored_stages[name] = work()
             if self.checkpoint is not None:
                 with atomic_writer(self.checkpoint) as file:
-                    json.dump({"key": self._key, "stages": self._kept}, file)
-        return self.step("search", lambda: cast("Stage", self._kept[name]))
+                    json.dump({"key": self._key, "stages": self._stored_stages}, file)
+        return self.step("search", lambda: cast("Stage", self._stored_stages[name]))
 
     def timed(self, kind: str, work: Callable[[], Stage]) -> Stage:
         """Do a part of a stage of some kind."""
         began = time.process_time()
         made = work()
-        self.spent[kind] = self.spent.get(kind, 0.0) + time.process_time() - began
+        self.cpu_times[kind] = self.cpu_times.get(kind, 0.0) + time.process_time() - began
         return made
 
     def step(self, kind: str, work: Callable[[], Stage]) -> Stage:
         """Do one stage of which nothing is kept, and report the progress."""
         made = self.timed(kind, work)
-        self._done += 1
+        self._done_stages += 1
         if self.progress is not None:
-            self.progress(self._done, max(self.total, self._done))
+            self.progress(self._done_stages, max(self.total_stages, self._done_stages))
         return made
 
     def finish(self) -> None:
@@ -119,24 +119,24 @@ class Outcome:
 
     model: Model  # bare: no records of how it was found
     uncertainty: Uncertainty
-    quantities: int  # that were fitted
+    parameter_count: int  # that were fitted
     evaluations: int
-    why: str  # the reason for the gap map, or what the reduction came to, as a sentence
-    interrupted: bool = False  # it was stopped before its end
+    map_reason: str  # the reason for the gap map, or what the reduction came to, as a sentence
+    is_interrupted: bool = False  # it was stopped before its end
     dead_band: str = "none"  # how wide the dead band of the law is, and why
     # cross-validation error of each map tried, relative to the largest output; empty below three
     # gaps, and without those maps that cannot be computed at a gap left out
-    left_out: dict[str, float] = field(default_factory=dict)
+    withheld_errors: dict[str, float] = field(default_factory=dict)
     # what the whole choice misses at gaps it has not seen; None below three gaps
-    promised: CrossValidation | None = None
+    expected_error: CrossValidation | None = None
     candidates: tuple[CandidateFit, ...] = ()  # all that were compared, where laws were
-    why_law: str = ""  # why this law; empty where none was compared
+    law_reason: str = ""  # why this law; empty where none was compared
     # how far laws that follow the only loop alike differ within it, in parts of the largest output
-    left_open: float = 0.0
+    ambiguity: float = 0.0
     steps: tuple[ReductionStep, ...] = ()  # what the paper's search froze, in the order it was
     per_gap: Model | None = None  # bare, of the paper's search: everything free at each gap
-    resumed: int = 0  # stages that a killed run had done already
-    why_rate: str = ""  # how late solid iron answers, and why
+    resumed_stages: int = 0  # stages that a killed run had done already
+    rate_reason: str = ""  # how late solid iron answers, and why
     fit: FoundModel | None = None  # the same fit in gauge-free coordinates
 
 
@@ -144,10 +144,15 @@ def _key(run: SearchRun) -> str:
     digest = hashlib.sha256()
     for source in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(source.read_bytes())  # a search that was changed does not go on
-    digest.update(f"{running_version()} {run.form} {run.seed} {sorted(run.held)}".encode())
+    digest.update(f"{running_version()} {run.form} {run.seed} {sorted(run.fixed)}".encode())
     for record in run.records.loops:
-        digest.update(f"{record.label} {record.gap} {record.settled} {record.weight!r}".encode())
-        for values in (record.lead.drive, record.lead.gap_position, record.input, record.output):
+        digest.update(f"{record.label} {record.gap} {record.is_cycle} {record.weight!r}".encode())
+        for values in (
+            record.history.drive,
+            record.history.gap_position,
+            record.input,
+            record.output,
+        ):
             digest.update(np.ascontiguousarray(values).tobytes())
     digest.update(run.records.nodes.tobytes())
     return digest.hexdigest()
@@ -158,7 +163,7 @@ Search = Literal["default", "paper"]
 Weights = Literal["loops", "points", "relative"]
 
 
-def _readable(name: str) -> AfterValidator:
+def _read_option_validator(name: str) -> AfterValidator:
     """Check a text that says how measurements are read, as :class:`ReadOptions` does."""
 
     def check(text: str) -> str:
@@ -179,7 +184,7 @@ def _readable(name: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-SEARCHING = ("law", "gap_map", "search", "seed", "weights", "offsets", "dead_band", "rate")
+SEARCH_OPTIONS = ("law", "gap_map", "search", "seed", "weights", "offsets", "dead_band", "rate")
 """Options of a search; all others say how loops are read."""
 
 
@@ -197,27 +202,27 @@ class IdentifyTable(Table):
     offsets: bool = True
     dead_band: bool = True
     rate: bool = True
-    columns: Annotated[str, _readable("columns")] | None = None
+    columns: Annotated[str, _read_option_validator("columns")] | None = None
     sidecar: str | None = None
     schedule: str | None = None
     loop: str | None = None
-    constants: Annotated[str, _readable("constants")] | None = None
-    history: Annotated[str, _readable("history")] | None = None
-    clean: Annotated[str, _readable("clean")] | None = None
-    scale: Annotated[str, _readable("scale")] | None = None
-    flip: Annotated[str, _readable("flip")] | None = None
+    constants: Annotated[str, _read_option_validator("constants")] | None = None
+    history: Annotated[str, _read_option_validator("history")] | None = None
+    clean: Annotated[str, _read_option_validator("clean")] | None = None
+    scale: Annotated[str, _read_option_validator("scale")] | None = None
+    flip: Annotated[str, _read_option_validator("flip")] | None = None
     drop: Literal["invalid"] | None = None
 
-    def reading(self, folder: Path | None = None) -> ReadOptions:
+    def read_options(self, folder: Path | None = None) -> ReadOptions:
         """Return how measurements are read."""
         texts = {option.name: getattr(self, option.name) for option in fields(ReadOptions)}
         if self.sidecar is not None and folder is not None:
             texts["sidecar"] = str(folder / self.sidecar)
         return ReadOptions.from_text(**texts)
 
-    def searching(self, gap_map: str = "auto") -> dict[str, Any]:
+    def search_options(self, gap_map: str = "auto") -> dict[str, Any]:
         """Return what :func:`anhyst.identification.identify` is to be asked for."""
-        asked = {name: getattr(self, name) for name in SEARCHING}
+        asked = {name: getattr(self, name) for name in SEARCH_OPTIONS}
         return asked | {"gap_map": self.gap_map or gap_map}
 
 
@@ -293,7 +298,7 @@ class IdentifyResult(Result):
         self.loops.draw(ax)
         scale, _ = length_scale(self.loops.output)
         for loop, fitted in zip(self.loops.loops, self.fitted, strict=True):
-            every = few(loop.n)
+            every = thinning_slice(loop.n)
             ax.plot(loop.input[every], scale * fitted[every], color="0.15", lw=0.8, ls="--")
         ax.plot([], [], color="0.15", lw=0.8, ls="--", label="model")
 
@@ -309,7 +314,7 @@ class IdentifyResult(Result):
         return Path(path)
 
 
-def whole_search(result: IdentifyResult) -> IdentifyResult:
+def require_complete(result: IdentifyResult) -> IdentifyResult:
     """Return what a search found if it came to its end; after ctrl-C, whoever goes on ends too."""
     if result.interrupted:
         raise KeyboardInterrupt

@@ -23,47 +23,51 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import batch, batch_levels
-from anhyst.data.path import thinned
+from anhyst.data.path import thin_rows
 from anhyst.identification.cell_kernel import CellKernel
 from anhyst.identification.fit_records import FitRecord, FitRecords
-from anhyst.identification.response import FLATTEST, LOCAL, Local, ResponseForm
-from anhyst.identification.space import IN_SERIES, CoordinateSpace
+from anhyst.identification.response import MAX_FLATNESS, PARAMETER_NAMES, ParameterSet, ResponseForm
+from anhyst.identification.space import SERIES_MAPS, CoordinateSpace
 from anhyst.laws.cells import Shape
-from anhyst.support.errors import InputError, NowhereNearError
+from anhyst.support.errors import InputError, NoUsableStartError
 from anhyst.support.numeric import FloatArray
 
-VARIABLE = "ANHYST_DISPATCH"  # environment variable that forces an instruction set on the batch
-OMEGA_JUMP = 3.0  # at omega = -3 the law may begin to jump; the batch does not follow it there
+LEVEL_VARIABLE = (
+    "ANHYST_DISPATCH"  # environment variable that forces an instruction set on the batch
+)
+JUMP_INTERACTION = (
+    3.0  # at omega = -3 the law may begin to jump; the batch does not follow it there
+)
 
-_ALMOST_JUMPING = -2.95
+_MIN_OMEGA = -2.95
 
-_SCAN = 32  # values tried for a parameter at one gap
-_WARM_UP = 2  # repetitions before a settled cycle is compared; enough to rank sets
-_BIAS = 1.5  # largest offset of the input that is drawn, in parts of the largest input
+_SCAN_VALUES = 32  # values tried for a parameter at one gap
+_WARM_UP_CYCLES = 2  # repetitions before a settled cycle is compared; enough to rank sets
+_MAX_BIAS_RATIO = 1.5  # largest offset of the input that is drawn, in parts of the largest input
 
-_BOTH_SIDES = 0.3
+_MIN_SIDE_RATIO = 0.3
 """How far the other way an input goes at least, in parts of the way that it goes further."""
 
-_THIN = 64  # samples a loop at the screening, at most
+_SCREENING_SAMPLES = 64  # samples a loop at the screening, at most
 
 
 def batch_level() -> str:
     """Level of the batch: the processor's best unless the environment names one."""
     levels = batch_levels()
-    level = os.environ.get(VARIABLE)
+    level = os.environ.get(LEVEL_VARIABLE)
     if level is None:
         return levels[-1]
     if level not in levels:
         raise InputError(
-            f"{VARIABLE}: there is no level {level!r} on this processor; set one of "
+            f"{LEVEL_VARIABLE}: there is no level {level!r} on this processor; set one of "
             f"{', '.join(levels)}, or unset it for the best",
             code="unknown-level",
-            key=VARIABLE,
+            key=LEVEL_VARIABLE,
         )
     return level
 
 
-def evenly(dimensions: int, count: int, seed: int) -> FloatArray:
+def sample_unit_cube(dimensions: int, count: int, seed: int) -> FloatArray:
     """Fill the unit cube evenly from a random start, shape (dimensions, count).
 
     Multiples of powers of the root of ``x**(d+1) = x + 1``, the golden ratio of d dimensions
@@ -79,7 +83,7 @@ def evenly(dimensions: int, count: int, seed: int) -> FloatArray:
 
 
 def sample_sets(
-    records: FitRecords, count: int, seed: int, interacting: bool = True, biased: bool = False
+    records: FitRecords, count: int, seed: int, is_interacting: bool = True, is_biased: bool = False
 ) -> FloatArray:
     """Draw kappa, c, omega, scale and in_0 by an additive sequence of low discrepancy (:func:`evenly`).
 
@@ -89,19 +93,19 @@ def sample_sets(
     to be zero. in_0 is zero unless biased; then it goes to 1.5 times the largest input either way,
     most densely about zero.
     """
-    draw = evenly(5 if biased else 4, count, seed)
+    draw = sample_unit_cube(5 if is_biased else 4, count, seed)
     reach = 0.3 * 100.0 ** draw[0]
     kappa = np.clip(reach * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
     c = 0.95 * draw[2]
-    omega = 0.1 * 3000.0 ** draw[3] - OMEGA_JUMP if interacting else np.zeros(count)
+    omega = 0.1 * 3000.0 ** draw[3] - JUMP_INTERACTION if is_interacting else np.zeros(count)
     saturated = 1.0 / np.tanh(reach) - 1.0 / reach
     drive = np.maximum(reach + omega * saturated, 0.1 * reach)
     largest = max(float(np.max(np.abs(record.input))) for record in records.loops)
-    in_0 = _BIAS * largest * (2.0 * draw[4] - 1.0) ** 3 if biased else np.zeros(count)
+    in_0 = _MAX_BIAS_RATIO * largest * (2.0 * draw[4] - 1.0) ** 3 if is_biased else np.zeros(count)
     return np.stack([kappa, c, omega, largest / drive, in_0])
 
 
-def screen(
+def screen_sets(
     form: ResponseForm, records: FitRecords, sets: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Deviation of many sets at one gap, with the best gain and offset for each."""
@@ -114,18 +118,20 @@ def screen(
 
 
 def follow_sets(
-    record: FitRecord, kept: NDArray[np.intp], sets: FloatArray, offset: FloatArray
+    record: FitRecord, sample_indices: NDArray[np.intp], sets: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Follow one drive with many parameter sets at the same time."""
     kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
     scale = 1.0 / sets[3]
     x, y = np.zeros(kappa.size), np.zeros(kappa.size)
-    driven = np.ascontiguousarray(record.input[kept])
+    driven = np.ascontiguousarray(record.input[sample_indices])
     # Up to the first sample in small steps: the linear step is not exact over long ones.
-    rise = np.concatenate([np.linspace(0.0, to, 16)[1:] for to in (*record.lead.drive, driven[0])])
+    rise = np.concatenate(
+        [np.linspace(0.0, to, 16)[1:] for to in (*record.history.drive, driven[0])]
+    )
     follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_level())
     follow(drive=rise, keep=False)
-    for _ in range(_WARM_UP if record.settled else 0):
+    for _ in range(_WARM_UP_CYCLES if record.is_cycle else 0):
         follow(drive=driven, keep=False)
     m, xi = follow(drive=driven)
     return m, xi
@@ -141,7 +147,7 @@ def _moments(
     moments = np.zeros((5, sets.shape[1]))
     total = 0.0
     for record in records.loops:
-        kept = thinned(record.input, _THIN)
+        kept = thin_rows(record.input, _SCREENING_SAMPLES)
         m, x_out = follow_sets(record, kept, sets, offset)
         shape = (m + form.h * x_out) ** form.power
         weight = record.weight**2 * record.input.size / kept.size
@@ -161,159 +167,174 @@ def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray
     return np.asarray(square + 2.0 * (gain * out_0 * first - gain * cross - out_0 * mean))
 
 
-def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Local]:
+def screen_starts(
+    space: CoordinateSpace, count: int, max_starts: int, seed: int
+) -> list[ParameterSet]:
     """Best sets of a screening at the only gap of a space, far enough apart to differ."""
-    free = "omega" not in space.held
-    begins = _best_of(space, sample_sets(space.records, count, seed, free), keep)
+    free = "omega" not in space.fixed
+    begins = _select_best_sets(space, sample_sets(space.records, count, seed, free), max_starts)
     # A bias would show in an output that is even in the flux, driven to both sides.
     low = min(float(loop.input.min()) for loop in space.records.loops)
     high = max(float(loop.input.max()) for loop in space.records.loops)
-    both_sides = low < -_BOTH_SIDES * high and high > -_BOTH_SIDES * low
-    if "in_0" not in space.held and space.form.power == 2 and both_sides:
-        begins += _best_of(space, sample_sets(space.records, count, seed, free, biased=True), keep)
+    both_sides = low < -_MIN_SIDE_RATIO * high and high > -_MIN_SIDE_RATIO * low
+    if "in_0" not in space.fixed and space.form.power == 2 and both_sides:
+        begins += _select_best_sets(
+            space, sample_sets(space.records, count, seed, free, is_biased=True), max_starts
+        )
     if not begins:
-        raise NowhereNearError
+        raise NoUsableStartError
     return begins
 
 
-def _best_of(space: CoordinateSpace, sets: FloatArray, keep: int) -> list[Local]:
-    cost, gain, out_0 = screen(space.form, space.records, sets)
-    apart = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + OMEGA_JUMP)])
+def _select_best_sets(
+    space: CoordinateSpace, sets: FloatArray, max_starts: int
+) -> list[ParameterSet]:
+    cost, gain, out_0 = screen_sets(space.form, space.records, sets)
+    apart = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + JUMP_INTERACTION)])
     chosen: list[int] = []
     for index in np.argsort(cost):
-        if not np.isfinite(cost[index]) or len(chosen) == keep:
+        if not np.isfinite(cost[index]) or len(chosen) == max_starts:
             break
         if all(np.linalg.norm(apart[:, index] - apart[:, other]) > 0.7 for other in chosen):
             chosen.append(int(index))
-    if "out_0" in space.held:
+    if "out_0" in space.fixed:
         out_0 = np.zeros(out_0.size)
     kappa, c, omega, scale, in_0 = sets
     best = np.stack([kappa, c, omega, scale, gain, in_0, out_0], axis=1)[chosen]
-    return [space.form.local(values) for values in best.tolist()]
+    return [space.form.make_set(values) for values in best.tolist()]
 
 
 def scan_gap(
-    space: CoordinateSpace, gap: int, known: list[Local]
-) -> tuple[list[Local], FloatArray]:
+    space: CoordinateSpace, gap: int, start_sets: list[ParameterSet]
+) -> tuple[list[ParameterSet], FloatArray]:
     """Find, at one gap, the best value of the parameter that the map ties to it, the rest held."""
-    count = len(known)
-    table = np.repeat(_table(known), _SCAN, axis=1)
-    if space.gap_map in IN_SERIES:
+    count = len(start_sets)
+    table = np.repeat(_parameter_table(start_sets), _SCAN_VALUES, axis=1)
+    if space.gap_map in SERIES_MAPS:
         unscaled = table[3] * (1.0 - space.form.h * table[2])
-        reach = np.linspace(np.log(0.05), np.log(300.0), _SCAN)
-        table[2] = np.tile(np.exp(reach) - OMEGA_JUMP, count)
+        reach = np.linspace(np.log(0.05), np.log(300.0), _SCAN_VALUES)
+        table[2] = np.tile(np.exp(reach) - JUMP_INTERACTION, count)
         table[3] = unscaled / np.maximum(1.0 - space.form.h * table[2], 0.01)
     else:
-        table[3] *= np.tile(5.0 ** np.linspace(-1.0, 1.0, _SCAN), count)
-    cost = _cost_of(space, gap, table).reshape(count, _SCAN)
+        table[3] *= np.tile(5.0 ** np.linspace(-1.0, 1.0, _SCAN_VALUES), count)
+    cost = _table_cost(space, gap, table).reshape(count, _SCAN_VALUES)
     best = np.argmin(cost, axis=1)
-    at = best + _SCAN * np.arange(count)
+    at = best + _SCAN_VALUES * np.arange(count)
     sets = [
         replace(local, omega=float(table[2, index]), scale=float(table[3, index]))
-        for local, index in zip(known, at, strict=True)
+        for local, index in zip(start_sets, at, strict=True)
     ]
     return sets, cost[np.arange(count), best]
 
 
-def cost_at_gap(space: CoordinateSpace, gap: int, known: list[Local]) -> FloatArray:
+def cost_at_gap(space: CoordinateSpace, gap: int, sets: list[ParameterSet]) -> FloatArray:
     """Weighted sums of squares of sets at one gap, as they are, shape (len(known),)."""
-    return _cost_of(space, gap, _table(known))
+    return _table_cost(space, gap, _parameter_table(sets))
 
 
-def _table(known: list[Local]) -> FloatArray:
+def _parameter_table(sets: list[ParameterSet]) -> FloatArray:
     """Lay sets out as columns, rows in the order of LOCAL."""
-    return np.array([[getattr(local, name) for local in known] for name in LOCAL])
+    return np.array([[getattr(local, name) for local in sets] for name in PARAMETER_NAMES])
 
 
-def _cost_of(space: CoordinateSpace, gap: int, table: FloatArray) -> FloatArray:
+def _table_cost(space: CoordinateSpace, gap: int, table: FloatArray) -> FloatArray:
     kappa, c, omega, scale, gain, in_0, out_0 = table
-    followed = np.stack([kappa, c, np.maximum(omega, _ALMOST_JUMPING), scale])
-    moments, total = _moments(space.form, space.records.at(gap), followed, in_0)
+    followed = np.stack([kappa, c, np.maximum(omega, _MIN_OMEGA), scale])
+    moments, total = _moments(space.form, space.records.at_gap(gap), followed, in_0)
     return _cost(moments, total, gain, out_0)
 
 
-SLOPES: dict[Shape, float] = {"tanh": 1.0, "langevin": 1.0 / 3.0}
+CURVE_SLOPES: dict[Shape, float] = {"tanh": 1.0, "langevin": 1.0 / 3.0}
 """Slope of each curve at its middle."""
 
-_REACH = (0.4, 8.0)
+_FIELD_RANGE = (0.4, 8.0)
 """Largest effective field, in widths of the first population that the slope at its middle gives."""
 
-_PINNED = (0.02, 1.0)  # pinning of a population, in parts of the largest effective field
+_PINNING_RANGE = (0.02, 1.0)  # pinning of a population, in parts of the largest effective field
 
-_SPREAD = (0.7, 5.0)
-_REVERSIBLE = (0.02, 1.5)  # share of the reversible part, of the first population
+_SPREAD_RANGE = (0.7, 5.0)
+_REVERSIBLE_SHARE_RANGE = (0.02, 1.5)  # share of the reversible part, of the first population
 
-_REVERSIBLE_WIDTH = (0.3, 6.0)
-_SHARE = (0.1, 1.5)
-_WIDTH = (0.2, 8.0)
+_REVERSIBLE_WIDTH_RANGE = (0.3, 6.0)
+_SHARE_RANGE = (0.1, 1.5)
+_WIDTH_RANGE = (0.2, 8.0)
 """Share and width of a further population, of the first."""
 
-_BEHIND_GAP, _CLOSED = (0.02, 0.9), (0.3, 4.0)
+_IRON_DRIVE_SHARE_WITH_GAP, _IRON_DRIVE_SHARE_WITHOUT_GAP = (0.02, 0.9), (0.3, 4.0)
 """Part of the drive that the iron takes behind a gap; and without one, where interaction of the iron
 may add to the drive."""
 
-_BEFORE_JUMPS = 0.8  # interaction, in parts of that at which the magnetisation would jump, at most
+_MAX_INTERACTION = (
+    0.8  # interaction, in parts of that at which the magnetisation would jump, at most
+)
 
-_CURVE = 200
+_CURVE_SAMPLES = 200
 
 
 class CellStart(NamedTuple):
     """Numbers of the law, largest effective field in its units, part of the drive for the iron."""
 
     law: tuple[float, ...]
-    reach: float
-    part: float
+    max_field: float
+    iron_drive_share: float
 
 
-def draw_starts(kernel: CellKernel, count: int, seed: int, gapped: bool) -> list[CellStart]:
+def sample_cell_starts(kernel: CellKernel, count: int, seed: int, has_gap: bool) -> list[CellStart]:
     """Draw starts evenly over the logarithms of their ranges."""
-    own = [_REVERSIBLE, _REVERSIBLE_WIDTH, _PINNED, _SPREAD]
-    further = [_SHARE, _WIDTH, _PINNED, _SPREAD]
-    ranges = [_REACH, _BEHIND_GAP if gapped else _CLOSED, *own, *further * (kernel.populations - 1)]
+    own = [_REVERSIBLE_SHARE_RANGE, _REVERSIBLE_WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
+    further = [_SHARE_RANGE, _WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
+    ranges = [
+        _FIELD_RANGE,
+        _IRON_DRIVE_SHARE_WITH_GAP if has_gap else _IRON_DRIVE_SHARE_WITHOUT_GAP,
+        *own,
+        *further * (kernel.population_count - 1),
+    ]
     low, high = np.log(np.array(ranges)).T[:, :, None]
-    drawn = low + (high - low) * evenly(len(ranges), count, seed)
+    drawn = low + (high - low) * sample_unit_cube(len(ranges), count, seed)
     starts = []
     for steep_reach, part, *law in np.exp(drawn).T.tolist():
-        reach = steep_reach / SLOPES[kernel.shape]
+        reach = steep_reach / CURVE_SLOPES[kernel.shape]
         law[2::4] = [pinned * reach for pinned in law[2::4]]
         starts.append(CellStart(tuple(law), reach, part))
     return starts
 
 
-def placed(space: CoordinateSpace, start: CellStart) -> list[Local]:
+def scale_to_loops(space: CoordinateSpace, start: CellStart) -> list[ParameterSet]:
     """Return the sets at each gap that pass through the largest output there."""
     form = space.form
-    field = np.linspace(0.0, 3.0 * start.reach, _CURVE)
+    field = np.linspace(0.0, 3.0 * start.max_field, _CURVE_SAMPLES)
     assert space.form.cells is not None
-    field, curve = space.form.cells.paths(start.law).follow(np.zeros(field.size), field)
-    drives, outputs = _largest(space)
+    field, curve = space.form.cells.make_driven_cells(start.law).follow(np.zeros(field.size), field)
+    drives, outputs = _largest_by_gap(space)
     home = space.records.reference_gap
-    top = float(np.interp(start.reach, field, curve))
-    omega = start.reach * (1.0 / start.part - 1.0) / top
-    omega = max(omega, -_BEFORE_JUMPS / float(np.max(np.diff(curve) / np.diff(field))))
-    scale = drives[home] / (start.reach + omega * top)
+    top = float(np.interp(start.max_field, field, curve))
+    omega = start.max_field * (1.0 / start.iron_drive_share - 1.0) / top
+    omega = max(omega, -_MAX_INTERACTION / float(np.max(np.diff(curve) / np.diff(field))))
+    scale = drives[home] / (start.max_field + omega * top)
     gain = outputs[home] / top**form.power
     sets = []
     for drive, output in zip(drives, outputs, strict=True):
         m = (output / gain) ** (1.0 / form.power)
         x = float(np.interp(m, curve, field))
         own = (omega, scale)
-        if space.gap_map in IN_SERIES:
+        if space.gap_map in SERIES_MAPS:
             own = (max((drive / scale - x) / m, 0.0), scale)
         elif len(drives) > 1:
             own = (omega, drive / (x + omega * m))
-        sets.append(form.local([*start.law, *own, gain, 0.0, 0.0]))
+        sets.append(form.make_set([*start.law, *own, gain, 0.0, 0.0]))
     return sets
 
 
-def possible(sets: Sequence[Local]) -> bool:
+def has_valid_scales(sets: Sequence[ParameterSet]) -> bool:
     """Whether the scales of a start are those of a drive and an output."""
-    return all(own.scale > 0.0 and own.gain > 0.0 and own.h * own.omega < FLATTEST for own in sets)
+    return all(
+        own.scale > 0.0 and own.gain > 0.0 and own.h * own.omega < MAX_FLATNESS for own in sets
+    )
 
 
-def _largest(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
+def _largest_by_gap(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
     """Drive and output where the output is largest, at each gap; absolute values."""
-    drives, outputs = np.zeros(space.records.gaps), np.zeros(space.records.gaps)
+    drives, outputs = np.zeros(space.records.gap_count), np.zeros(space.records.gap_count)
     for record in space.records.loops:
         at = int(np.argmax(np.abs(record.output)))
         if abs(record.output[at]) > outputs[record.gap]:

@@ -17,30 +17,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.identification.fit_records import FitRecords
-from anhyst.identification.response import SURROUNDING, Local, ResponseForm
+from anhyst.identification.response import CIRCUIT_NAMES, ParameterSet, ResponseForm
 from anhyst.laws import LAWS
-from anhyst.laws.law import FitNumber, Kernel
+from anhyst.laws.law import FitParameter, Kernel
 from anhyst.model.parameters import GapMap
 from anhyst.support.numeric import FloatArray
 
 Coordinate = Literal["log", "asinh", "plain"]
 
-PER_GAP = {
+GAP_DEPENDENT = {
     "none": frozenset[str](),
     "scaling": frozenset({"scale"}),
     "reluctance": frozenset({"omega"}),
     "leakage": frozenset({"omega"}),
     "circuit": frozenset({"omega", "gain", "in_0", "out_0"}),
-    "free": frozenset(SURROUNDING),
+    "free": frozenset(CIRCUIT_NAMES),
 }
 """Which parameters each gap map lets differ from gap to gap; ``free`` those of the law too. Where
 omega is a reluctance the scale of the input follows from it: ``scale = scale_0/(1 - h*omega)``;
 1/(1 - h*omega) = 1 + rho."""
 
-IN_SERIES = frozenset({"reluctance", "leakage", "circuit"})
+SERIES_MAPS = frozenset({"reluctance", "leakage", "circuit"})
 """Gap maps that read omega as a reluctance in series with the iron."""
 
-WRITTEN = {"leakage": "circuit"}
+FILE_GAP_MAPS = {"leakage": "circuit"}
 """Gap map under which a model has what a fit found under another.
 
 With a path for flux beside the gap, of permeance P, the iron sees the reluctance ``omega = R/(1 + P*R)``
@@ -48,21 +48,21 @@ and the gap has the part ``1/(1 + P*R) = 1 - P*omega`` of its flux: one number g
 gap, ``gain_0*(1 - P*omega)**power``, where the map ``circuit`` has one for each.
 """
 
-LEAKAGE = FitNumber(
-    "leakage", "part of the flux beside the widest gap", -0.5, 0.9, usual=0.0, spread=0.2
+LEAKAGE_PARAMETER = FitParameter(
+    "leakage", "part of the flux beside the widest gap", -0.5, 0.9, prior_mean=0.0, prior_std=0.2
 )
 """Fringes of the field at the gap act against it, so that it may come out below zero."""
 
-_LEAST_OMEGA = 1e-6
+_MIN_OMEGA = 1e-6
 
-LEAST_GAP_FLUX = 0.05  # part of the iron's flux that passes the gap, at least
+MIN_GAP_FLUX_SHARE = 0.05  # part of the iron's flux that passes the gap, at least
 
-AROUND = (
-    FitNumber("omega", "(w*M_s)/a", -30.0, 9e2, "asinh"),
-    FitNumber("scale", "a/c_H", 1e-5, 1e2, "log", "input"),
-    FitNumber("gain", "output at saturation", 1e-3, 1e4, "log", "output"),
-    FitNumber("in_0", "input offset", -2.0, 2.0, of="input"),
-    FitNumber("out_0", "output offset", -2.0, 2.0, of="output"),
+CIRCUIT_PARAMETERS = (
+    FitParameter("omega", "(w*M_s)/a", -30.0, 9e2, "asinh"),
+    FitParameter("scale", "a/c_H", 1e-5, 1e2, "log", "input"),
+    FitParameter("gain", "output at saturation", 1e-3, 1e4, "log", "output"),
+    FitParameter("in_0", "input offset", -2.0, 2.0, unit_of="input"),
+    FitParameter("out_0", "output offset", -2.0, 2.0, unit_of="output"),
 )
 """What a fit moves of what surrounds the law."""
 
@@ -75,12 +75,12 @@ class CoordinateSpace:
     records: FitRecords  # what is fitted
     form: ResponseForm  # equations of the measured quantities
     # names of parameters that are zero and not fitted: ``in_0``, ``out_0``, ``omega``
-    held: frozenset[str] = frozenset()
+    fixed: frozenset[str] = frozenset()
     # names of parameters that are the same at every gap although the map lets them differ
     common: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        if self.gap_map in IN_SERIES | {"scaling"}:
+        if self.gap_map in SERIES_MAPS | {"scaling"}:
             # Behind a gap the measured field is not that in the iron: it does not determine h.
             object.__setattr__(self, "form", replace(self.form, permeability=0.0))
 
@@ -88,48 +88,48 @@ class CoordinateSpace:
     def entries(self) -> tuple[tuple[str, int | None], ...]:
         """Name and gap of each coordinate; no gap for those shared by all."""
         listed: list[tuple[str, int | None]] = []
-        differing = PER_GAP[self.gap_map] - self.common
+        differing = GAP_DEPENDENT[self.gap_map] - self.common
         if self.gap_map == "free":
-            differing |= {number.name for number in self.form.kernel.numbers} - self.common
+            differing |= {number.name for number in self.form.kernel.fit_parameters} - self.common
         for name in (*self.form.names, *(("leakage",) if self.gap_map == "leakage" else ())):
-            if name in self.held:
+            if name in self.fixed:
                 continue
             if name in differing:
-                listed.extend((name, gap) for gap in range(self.records.gaps))
+                listed.extend((name, gap) for gap in range(self.records.gap_count))
             else:
                 listed.append((name, None))
         return tuple(listed)
 
-    def inward(self, name: str, value: float) -> float:
+    def to_coordinate(self, name: str, value: float) -> float:
         """Return the coordinate of a parameter, SI."""
-        number = self.numbers[name]
+        number = self.fit_parameters[name]
         if number.coordinate == "log":
             return float(np.log(value))
         return float(np.arcsinh(value)) if number.coordinate == "asinh" else value / self.unit(name)
 
-    def outward(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def to_parameters(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the parameters at coordinates, SI, and their derivatives by these."""
-        log, asinh, units = self._kinds
+        log, asinh, units = self._coordinate_kinds
         values, slopes = theta * units, units.copy()
         values[log] = slopes[log] = np.exp(theta[log])
         values[asinh], slopes[asinh] = np.sinh(theta[asinh]), np.cosh(theta[asinh])
         return values, slopes
 
     @cached_property
-    def _kinds(self) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
+    def _coordinate_kinds(self) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
         """Places of the logarithms and of the inverse hyperbolic sines; units of the others."""
-        kinds = np.array([self.numbers[name].coordinate for name, _ in self.entries])
+        kinds = np.array([self.fit_parameters[name].coordinate for name, _ in self.entries])
         units = np.array([self.unit(name) for name, _ in self.entries])
         return np.flatnonzero(kinds == "log"), np.flatnonzero(kinds == "asinh"), units
 
     @cached_property
-    def _places(self) -> NDArray[np.intp]:
+    def _coordinate_indices(self) -> NDArray[np.intp]:
         """Place of the coordinate of each parameter at each gap; -1 of one that is held at zero."""
         column = {entry: at for at, entry in enumerate(self.entries)}
         return np.array(
             [
                 [column.get((name, gap), column.get((name, None), -1)) for name in self.form.names]
-                for gap in range(self.records.gaps)
+                for gap in range(self.records.gap_count)
             ]
         )
 
@@ -139,15 +139,15 @@ class CoordinateSpace:
         return tuple(n if gap is None else f"{n}[{gap}]" for n, gap in self.entries)
 
     @property
-    def written_map(self) -> GapMap:
+    def file_gap_map(self) -> GapMap:
         """Gap map of the model that a fit makes."""
-        return cast("GapMap", WRITTEN.get(self.gap_map, self.gap_map))
+        return cast("GapMap", FILE_GAP_MAPS.get(self.gap_map, self.gap_map))
 
     def leakage(self, theta: FloatArray) -> float:
         """Leakage under its map: what it takes of the iron's flux for each unit of omega."""
-        values, _ = self.outward(theta)
-        widest = self.names.index(f"omega[{self.records.gaps - 1}]")
-        return float(values[self.names.index("leakage")] / max(values[widest], _LEAST_OMEGA))
+        values, _ = self.to_parameters(theta)
+        widest = self.names.index(f"omega[{self.records.gap_count - 1}]")
+        return float(values[self.names.index("leakage")] / max(values[widest], _MIN_OMEGA))
 
     @property
     def size(self) -> int:
@@ -155,39 +155,42 @@ class CoordinateSpace:
         return len(self.entries)
 
     @cached_property
-    def numbers(self) -> dict[str, FitNumber]:
+    def fit_parameters(self) -> dict[str, FitParameter]:
         """Numbers that a fit may vary, by name."""
-        return {number.name: number for number in (*self.form.kernel.numbers, *AROUND, LEAKAGE)}
+        return {
+            number.name: number
+            for number in (*self.form.kernel.fit_parameters, *CIRCUIT_PARAMETERS, LEAKAGE_PARAMETER)
+        }
 
     def unit(self, name: str) -> float:
         """Scale of a parameter in SI: span of the input or output, or 1."""
         spans = {"input": self.records.input_span, "output": self.records.output_span}
-        return spans.get(self.numbers[name].of, 1.0)
+        return spans.get(self.fit_parameters[name].unit_of, 1.0)
 
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds of the coordinates."""
         low, high = [], []
         for name, _ in self.entries:
-            number, unit = self.numbers[name], self.unit(name)
-            low.append(self.inward(name, number.low * unit))
-            high.append(self.inward(name, number.high * unit))
+            number, unit = self.fit_parameters[name], self.unit(name)
+            low.append(self.to_coordinate(name, number.low * unit))
+            high.append(self.to_coordinate(name, number.high * unit))
         return np.array(low), np.array(high)
 
-    def pack(self, sets: list[Local]) -> FloatArray:
+    def pack(self, sets: list[ParameterSet]) -> FloatArray:
         """Coordinates of parameters given for each gap; shared ones are taken from the first."""
         theta = []
         gain, leakage = self._gain_and_leakage(sets)
         for name, gap in self.entries:
             local = sets[gap or 0]
-            known = self.form.values(local) | {"leakage": leakage}
+            known = self.form.named_values(local) | {"leakage": leakage}
             value = gain if (name, self.gap_map) == ("gain", "leakage") else known[name]
-            if name == "scale" and self.gap_map in IN_SERIES:
+            if name == "scale" and self.gap_map in SERIES_MAPS:
                 value *= 1.0 - self.form.h * local.omega
-            theta.append(self.inward(name, value))
+            theta.append(self.to_coordinate(name, value))
         return np.asarray(np.clip(np.array(theta), *self.bounds))
 
-    def _gain_and_leakage(self, sets: Sequence[Local]) -> tuple[float, float]:
+    def _gain_and_leakage(self, sets: Sequence[ParameterSet]) -> tuple[float, float]:
         """Gain without leakage, and leakage, that come closest to the gains of all gaps."""
         omega = np.array([local.omega for local in sets])
         root = np.array([local.gain for local in sets]) ** (1.0 / self.form.power)
@@ -197,67 +200,73 @@ class CoordinateSpace:
         closed = float(root.mean() - slope * omega.mean())
         if closed <= 0.0 or slope == 0.0:
             return float(root.mean()) ** self.form.power, 0.0
-        return closed**self.form.power, -slope / closed * max(sets[-1].omega, _LEAST_OMEGA)
+        return closed**self.form.power, -slope / closed * max(sets[-1].omega, _MIN_OMEGA)
 
-    def without(self, left_out: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
+    def without_gaps(self, withheld: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
         """Return the space without these gaps, and the indices of its coordinates in this one."""
-        kept = [index for index, (_, gap) in enumerate(self.entries) if gap not in left_out]
-        return replace(self, records=self.records.without(left_out)), np.array(kept)
+        kept = [index for index, (_, gap) in enumerate(self.entries) if gap not in withheld]
+        return replace(self, records=self.records.without_gaps(withheld)), np.array(kept)
 
-    def holding(self, names: frozenset[str]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
+    def with_fixed(self, names: frozenset[str]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
         """Return the space with more numbers held at zero, and the indices of its coordinates in this one."""
         kept = [index for index, (name, _) in enumerate(self.entries) if name not in names]
-        return replace(self, held=self.held | names), np.array(kept)
+        return replace(self, fixed=self.fixed | names), np.array(kept)
 
-    def unpack(self, theta: FloatArray) -> list[tuple[Local, FloatArray]]:
+    def unpack(self, theta: FloatArray) -> list[tuple[ParameterSet, FloatArray]]:
         """Parameters at each gap, and their derivatives by the coordinates, shape (numbers, size)."""
-        values, slopes = self.outward(theta)
+        values, slopes = self.to_parameters(theta)
         unpacked = []
         for columns, at_gap in zip(
-            self._places, np.append(values, 0.0)[self._places].tolist(), strict=True
+            self._coordinate_indices,
+            np.append(values, 0.0)[self._coordinate_indices].tolist(),
+            strict=True,
         ):
             rows = np.flatnonzero(columns >= 0)
             jacobian = np.zeros((columns.size, theta.size))
             jacobian[rows, columns[rows]] = slopes[columns[rows]]
             if self.gap_map == "leakage":
-                self._leak(at_gap, jacobian, values, slopes)
-            if self.gap_map in IN_SERIES:
-                omega_row, row, _ = self._rows
+                self._subtract_leakage(at_gap, jacobian, values, slopes)
+            if self.gap_map in SERIES_MAPS:
+                omega_row, row, _ = self._row_indices
                 ratio = 1.0 / (1.0 - min(self.form.h * at_gap[omega_row], 0.99))
                 at_gap[row] *= ratio
                 jacobian[row] *= ratio
                 jacobian[row] += at_gap[row] * ratio * self.form.h * jacobian[omega_row]
-            unpacked.append((self.form.local(at_gap), jacobian))
+            unpacked.append((self.form.make_set(at_gap), jacobian))
         return unpacked
 
     @cached_property
-    def _rows(self) -> tuple[int, int, int]:
+    def _row_indices(self) -> tuple[int, int, int]:
         """Places of omega, scale and gain among the parameters at one gap."""
         omega, scale, gain = (self.form.names.index(name) for name in ("omega", "scale", "gain"))
         return omega, scale, gain
 
-    def _leak(
+    def _subtract_leakage(
         self, at_gap: list[float], jacobian: FloatArray, values: FloatArray, slopes: FloatArray
     ) -> None:
         """Subtract the leakage from the gain; coordinates are those of all gaps."""
-        omega_row, _, row = self._rows
-        power, leakage, widest = self.form.power, len(values) - 1, self._places[-1, omega_row]
+        omega_row, _, row = self._row_indices
+        power, leakage, widest = (
+            self.form.power,
+            len(values) - 1,
+            self._coordinate_indices[-1, omega_row],
+        )
         omega = float(values[widest])
-        ratio = at_gap[omega_row] / max(omega, _LEAST_OMEGA)
-        part = max(1.0 - float(values[leakage]) * ratio, LEAST_GAP_FLUX)
+        ratio = at_gap[omega_row] / max(omega, _MIN_OMEGA)
+        part = max(1.0 - float(values[leakage]) * ratio, MIN_GAP_FLUX_SHARE)
         at_gap[row] *= part**power
         jacobian[row] *= part**power
-        if part > LEAST_GAP_FLUX and omega > _LEAST_OMEGA:
+        if part > MIN_GAP_FLUX_SHARE and omega > _MIN_OMEGA:
             by_part = power * at_gap[row] / part
             jacobian[row] -= by_part * values[leakage] / omega * jacobian[omega_row]
             jacobian[row, widest] += by_part * values[leakage] * ratio / omega * slopes[widest]
             jacobian[row, leakage] -= by_part * ratio * slopes[leakage]
 
 
-def coordinate_of(law: str, quantity: str) -> Coordinate:
+def coordinate_kind(law: str, quantity: str) -> Coordinate:
     """Return the coordinate by which a quantity is moved; of a law that says none, the logarithm."""
     kernel = LAWS[law].kernel
-    numbers = (*(kernel.numbers if isinstance(kernel, Kernel) else ()), *AROUND)
+    numbers = (*(kernel.fit_parameters if isinstance(kernel, Kernel) else ()), *CIRCUIT_PARAMETERS)
     coordinates = {number.meaning: number.coordinate for number in numbers}
     meaning = max(
         (m for m in coordinates if f"{quantity} ".startswith(f"{m} ")), key=len, default=""

@@ -19,27 +19,29 @@ from anhyst.data import Loops
 from anhyst.data.output_map import is_actuator
 from anhyst.data.path import History
 from anhyst.data.verdict import largest_output
-from anhyst.identification.default import COMPARED, FoundModel, follow
-from anhyst.identification.objective import Linear, Objective
-from anhyst.identification.space import IN_SERIES, CoordinateSpace
-from anhyst.laws import law_of
+from anhyst.identification.default_search import COMPARISON_STOP, FoundModel, descend_from
+from anhyst.identification.objective import Linearisation, Objective
+from anhyst.identification.space import SERIES_MAPS, CoordinateSpace
+from anhyst.laws import get_law
 from anhyst.laws.cells import CellWeights
-from anhyst.laws.law import FitNumber
+from anhyst.laws.law import FitParameter
 from anhyst.model.actuator import Model
 from anhyst.model.schema import Uncertainty
 from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.units import MU_0
 
-_LOOSE = 0.2  # relative standard deviation above which a number is called loose
+_MAX_RELATIVE_STD = 0.2  # relative standard deviation above which a number is called loose
 
-_NAMED = 6
+_MAX_NAMED_PARAMETERS = 6
 """Loose numbers that are named one by one, at most: of many only all together mean something."""
 
-_TIED = 0.95  # correlation above which two numbers are determined only together
+_MAX_SEPARABLE_CORRELATION = (
+    0.95  # correlation above which two numbers are determined only together
+)
 
 
-def memory(deviations: FloatArray) -> float:
+def correlation_length(deviations: FloatArray) -> float:
     """Return the number of successive samples that count as one, as their deviations are correlated.
 
     Twice the integral of the autocorrelation up to its first zero: misfit of the law runs in long
@@ -56,23 +58,25 @@ def memory(deviations: FloatArray) -> float:
     return max(1.0, 2.0 * float(correlation[:end].sum()) - 1.0)
 
 
-def _by_drive(space: CoordinateSpace, deviation: FloatArray) -> list[FloatArray]:
+def _split_by_record(space: CoordinateSpace, deviation: FloatArray) -> list[FloatArray]:
     """Return the deviations of each drive, without those of ties after them."""
     ends = np.cumsum([record.input.size for record in space.records.loops])
     return np.split(deviation, ends)[:-1]
 
 
 def _covariance(fit: FoundModel) -> FloatArray:
-    linear = Objective(fit.space).linear(fit.theta)
-    normal, drives = linear.normal, _by_drive(fit.space, linear.deviation)
+    linear = Objective(fit.space).linearise(fit.theta)
+    normal, drives = linear.normal, _split_by_record(fit.space, linear.deviation)
     freedom = max(1, linear.deviation.size - fit.theta.size)
-    variance = linear.cost / freedom * float(np.mean([memory(drive) for drive in drives]))
+    variance = (
+        linear.cost / freedom * float(np.mean([correlation_length(drive) for drive in drives]))
+    )
     # A coordinate the data do not feel at all gets a huge, finite variance.
     floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
     return np.asarray(variance * np.linalg.inv(normal + floor * np.eye(normal.shape[0])))
 
 
-def assess(fit: FoundModel, loopset: Loops) -> Uncertainty:
+def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
     """Return standard deviations, correlations and plain statements for a finished fit."""
     space = fit.space
     covariance = _covariance(fit)
@@ -81,25 +85,25 @@ def assess(fit: FoundModel, loopset: Loops) -> Uncertainty:
     units = {"input": loopset.input.unit, "output": loopset.output.unit}
     readings = {"in_0": space.records.rest.input, "out_0": space.records.rest.output}
     names, values, stds = [], [], []
-    at_gaps = [space.form.values(local) for local in fit.sets]
+    at_gaps = [space.form.named_values(local) for local in fit.parameter_sets]
     for (name, gap), plain, slope, std in zip(
         space.entries,
-        *(column.tolist() for column in space.outward(fit.theta)),
+        *(column.tolist() for column in space.to_parameters(fit.theta)),
         deviation,
         strict=True,
     ):
         value = at_gaps[gap or 0].get(name, plain)
-        number = space.numbers[name]
+        number = space.fit_parameters[name]
         label = _label(number, units)
         if gap is not None and loopset.schedule is not None:
             label += f" at {loopset.schedule.show(float(space.records.nodes[gap]))}"
         names.append(label)
         stds.append(float(std * (abs(value) if number.coordinate == "log" else slope)))
         values.append(value + (readings[name].offset if name in readings else 0.0))
-    sentences = statements(names, values, stds, correlation) + _of_the_gauge(fit)
+    sentences = describe_uncertainty(names, values, stds, correlation) + _describe_gauge(fit)
     for name, reading in readings.items():
-        if name in space.held and reading.std is not None and reading.offset != 0.0:
-            names.append(_label(space.numbers[name], units))
+        if name in space.fixed and reading.std is not None and reading.offset != 0.0:
+            names.append(_label(space.fit_parameters[name], units))
             values.append(reading.offset)
             stds.append(reading.half_width)
             sentences.append(f"{names[-1]}: what the sensor reads at rest, not fitted")
@@ -114,46 +118,46 @@ def assess(fit: FoundModel, loopset: Loops) -> Uncertainty:
     )
 
 
-def _label(number: FitNumber, units: Mapping[str, str]) -> str:
-    return f"{number.meaning} ({units[number.of]})" if number.of else number.meaning
+def _label(number: FitParameter, units: Mapping[str, str]) -> str:
+    return f"{number.meaning} ({units[number.unit_of]})" if number.unit_of else number.meaning
 
 
-def statements(
+def describe_uncertainty(
     names: Sequence[str], values: Sequence[float], stds: Sequence[float], correlation: FloatArray
 ) -> list[str]:
     """Say which numbers the data determine badly, and which only together."""
     loose = [
         (name, "more than its size" if std > abs(value) else f"{100 * std / abs(value):.0f} %")
         for name, value, std in zip(names, values, stds, strict=True)
-        if "offset" not in name and std > _LOOSE * abs(value)
+        if "offset" not in name and std > _MAX_RELATIVE_STD * abs(value)
     ]
     sentences = [
         f"{name} is hardly determined by these loops: uncertain by {share}" for name, share in loose
     ]
-    if len(loose) > _NAMED:
-        listed = ", ".join(name for name, _ in loose[:_NAMED])
+    if len(loose) > _MAX_NAMED_PARAMETERS:
+        listed = ", ".join(name for name, _ in loose[:_MAX_NAMED_PARAMETERS])
         sentences = [
             f"{len(loose)} of {len(names)} numbers are hardly determined by these loops one by one, "
-            f"uncertain by more than {100 * _LOOSE:.0f} %: {listed}, ..."
+            f"uncertain by more than {100 * _MAX_RELATIVE_STD:.0f} %: {listed}, ..."
         ]
     sentences.extend(
         f"{', '.join(names[index] for index in group)}: determined only together (correlations above "
-        f"{_TIED:g}); none of them means much by itself"
-        for group in _tied(correlation)
+        f"{_MAX_SEPARABLE_CORRELATION:g}); none of them means much by itself"
+        for group in _group_correlated(correlation)
     )
     return sentences
 
 
-def _of_the_gauge(fit: FoundModel) -> list[str]:
+def _describe_gauge(fit: FoundModel) -> list[str]:
     """Say what was chosen, because no output depends on it."""
-    sentences, form, gap_map = [], fit.space.form, fit.space.written_map
+    sentences, form, gap_map = [], fit.space.form, fit.space.file_gap_map
     if form.permeability == 0.0:
         sentences.append(
             "M_s is a choice of gauge, on which no output depends; the slope of the air core is "
             f"hardly determined by these loops: a/(M_s*(1-alpha)) is set to {form.h:g}, which matters "
             "beyond the measured range"
         )
-    if gap_map in IN_SERIES:
+    if gap_map in SERIES_MAPS:
         sentences.append(
             f"alpha and an offset of rho act alike in the {gap_map} map: alpha is chosen so that "
             "rho is nowhere negative down to the closed gap"
@@ -161,100 +165,110 @@ def _of_the_gauge(fit: FoundModel) -> list[str]:
     return sentences
 
 
-def _tied(correlation: FloatArray) -> list[list[int]]:
+def _group_correlated(correlation: FloatArray) -> list[list[int]]:
     """Group coordinates that are tied by strong correlations."""
     groups: list[list[int]] = []
     for index in range(correlation.shape[0]):
-        near = [g for g in groups if any(abs(correlation[index, o]) > _TIED for o in g)]
+        near = [
+            g
+            for g in groups
+            if any(abs(correlation[index, o]) > _MAX_SEPARABLE_CORRELATION for o in g)
+        ]
         groups = [g for g in groups if g not in near] + [[*(o for g in near for o in g), index]]
     return [sorted(group) for group in groups if len(group) > 1]
 
 
-OFFSETS = frozenset({"in_0", "out_0"})
+OFFSET_NAMES = frozenset({"in_0", "out_0"})
 
-USUAL = 0.01
+USUAL_OFFSET_STD = 0.01
 """Standard deviation of the offsets that sensors have, in parts of the range: seldom more."""
 
-AT_REST = 5e-4  # least uncertainty of a reading at rest, in parts of the range
+MIN_REST_READING_STD = 5e-4  # least uncertainty of a reading at rest, in parts of the range
 
-_UNBELIEVED = 25.0
+_MAX_OFFSET_PENALTY = 25.0
 """What an unusual offset costs at most, and what contradicting a reading at rest costs, in twice
 the logarithm of the odds: the highest price that still lets plain evidence overrule either."""
 
-_CONTRADICTION = 4.0
+_CONTRADICTION_SIGMAS = 4.0
 """A fitted offset contradicts what the sensor read from this number of standard errors on."""
 
-_MAX_MEASURED_COST = 2.0
+_MAX_REST_READING_COST_RATIO = 2.0
 """A reading is kept unless it raises the mean square deviation by this factor: the error of a law in
 its shape, which an offset can hide, raised it by 1.4 (three gaps, 2 mA of noise)."""
 
-_EXACT = 1e-20
+_NEGLIGIBLE_COST = 1e-20
 """Mean square deviation, in parts of the largest output, below which nothing is distinguished."""
 
 
-def only_demanded(
-    fit: FoundModel, tolerance: float = COMPARED[0], most: int = COMPARED[1]
+def remove_unneeded_offsets(
+    fit: FoundModel, tolerance: float = COMPARISON_STOP[0], max_steps: int = COMPARISON_STOP[1]
 ) -> FoundModel:
     """Hold the offsets at what the sensors read at rest, but for those that the data demand.
 
     Those that differ from gap to gap are none of a sensor's, and not judged as such.
     """
-    free = sorted(name for name, gap in fit.space.entries if name in OFFSETS and gap is None)
+    free = sorted(name for name, gap in fit.space.entries if name in OFFSET_NAMES and gap is None)
     if not free:
         return fit
-    linear = Objective(fit.space, fit.tie).linear(fit.theta)
-    drives = _by_drive(fit.space, linear.deviation)
-    alike = 1.0 + (len(drives) - 1) * float(np.mean([_lasting(drive) for drive in drives]))
-    together = float(np.mean([memory(drive) for drive in drives]))
+    linear = Objective(fit.space, fit.smoothness).linearise(fit.theta)
+    drives = _split_by_record(fit.space, linear.deviation)
+    alike = 1.0 + (len(drives) - 1) * float(
+        np.mean([_neighbour_correlation(drive) for drive in drives])
+    )
+    together = float(np.mean([correlation_length(drive) for drive in drives]))
     independent = max(2.0, float(sum(drive.size for drive in drives)) / together / alike)
     ways = [frozenset(names) for n in range(1, len(free) + 1) for names in combinations(free, n)]
-    wrong = _contradicted(fit)
+    wrong = _find_contradicted_offsets(fit)
     ways = [names for names in ways if wrong <= names]
 
     def score(cost: float, space: CoordinateSpace, theta: FloatArray) -> float:
-        return independent * math.log(cost + _EXACT) + _price(space, theta, independent)
+        return independent * math.log(cost + _NEGLIGIBLE_COST) + _offset_penalty(
+            space, theta, independent
+        )
 
     tries = {}
     for names in ways:
-        space, kept = fit.space.holding(names)
-        cost, theta = _without(fit, linear, names)
+        space, kept = fit.space.with_fixed(names)
+        cost, theta = _predict_without_offsets(fit, linear, names)
         tries[names] = score(cost, space, theta[kept]), space, theta[kept]
     _, space, start = min(tries.values(), key=lambda attempt: attempt[0])
     whole = score(fit.cost, fit.space, fit.theta)
     # Whatever the offsets that stay free come out at, above this cost they are not taken.
-    stay = sum(name in OFFSETS for name, _ in space.entries)
+    stay = sum(name in OFFSET_NAMES for name, _ in space.entries)
     goal = math.exp(whole / independent - stay * math.log(independent) / independent)
     if wrong:
-        goal = _MAX_MEASURED_COST * fit.cost
-    held = follow(space, start, tolerance, most, fit.tie, goal)
+        goal = _MAX_REST_READING_COST_RATIO * fit.cost
+    held = descend_from(space, start, tolerance, max_steps, fit.smoothness, goal)
     better = score(held.cost, held.space, held.theta) <= whole
     best = held if better or (wrong and held.cost <= goal) else fit
     try:
-        Objective(best.space).outputs(best.sets)
+        Objective(best.space).outputs(best.parameter_sets)
     except NoResponseError:  # a fit that finds no answer ends at any cost
         best = fit
     return replace(best, evaluations=fit.evaluations + held.evaluations + 1)
 
 
-def _contradicted(fit: FoundModel) -> frozenset[str]:
+def _find_contradicted_offsets(fit: FoundModel) -> frozenset[str]:
     """Name the free offsets of the input that contradict an offset that the sensor has read."""
     reading, span = fit.space.records.rest.input, fit.space.records.input_span
     if reading.std is None or reading.offset == 0.0:
         return frozenset()
-    most = _CONTRADICTION * max(reading.std / span, AT_REST)
+    most = _CONTRADICTION_SIGMAS * max(reading.std / span, MIN_REST_READING_STD)
     pairs = zip(fit.space.entries, fit.theta, strict=True)
     names = (name for (name, gap), value in pairs if gap is None and abs(float(value)) > most)
     return frozenset(names) & {"in_0"}
 
 
-def _lasting(deviation: FloatArray) -> float:
+def _neighbour_correlation(deviation: FloatArray) -> float:
     """Part of the mean square that is still there a sample later."""
     centred = deviation - deviation.mean()
     power = float(centred @ centred)
     return max(0.0, float(centred[1:] @ centred[:-1]) / power) if power > 0.0 else 0.0
 
 
-def _without(fit: FoundModel, linear: Linear, names: frozenset[str]) -> tuple[float, FloatArray]:
+def _predict_without_offsets(
+    fit: FoundModel, linear: Linearisation, names: frozenset[str]
+) -> tuple[float, FloatArray]:
     """Foresee the best fit with these offsets held at zero: its cost and its coordinates."""
     out = np.array([name in names for name, _ in fit.space.entries])
     theta = np.where(out, 0.0, fit.theta)
@@ -266,7 +280,7 @@ def _without(fit: FoundModel, linear: Linear, names: frozenset[str]) -> tuple[fl
     return fit.cost + float(step @ linear.normal @ step), theta
 
 
-def _price(space: CoordinateSpace, theta: FloatArray, independent: float) -> float:
+def _offset_penalty(space: CoordinateSpace, theta: FloatArray, independent_samples: float) -> float:
     """Price the free offsets of a space, in twice the logarithm of the odds."""
     rest = space.records.rest
     readings = {
@@ -275,31 +289,31 @@ def _price(space: CoordinateSpace, theta: FloatArray, independent: float) -> flo
     }
     price = 0.0
     for (name, _), value in zip(space.entries, theta.tolist(), strict=True):
-        if name not in OFFSETS:
+        if name not in OFFSET_NAMES:
             continue
         reading, span = readings[name]
         # Seldom is not never: a load cell that nobody tared, a gauge with a zero of its own.
-        unlikely = min((value / USUAL) ** 2, _UNBELIEVED)
+        unlikely = min((value / USUAL_OFFSET_STD) ** 2, _MAX_OFFSET_PENALTY)
         if reading.std is not None:
-            beyond = value / max(reading.std / span, AT_REST)
-            unlikely = min(beyond**2, _UNBELIEVED + unlikely)
-        price += math.log(independent) + unlikely
+            beyond = value / max(reading.std / span, MIN_REST_READING_STD)
+            unlikely = min(beyond**2, _MAX_OFFSET_PENALTY + unlikely)
+        price += math.log(independent_samples) + unlikely
     return price
 
 
-ALIKE = 1.5
+EQUAL_FIT_RATIO = 1.5
 """Deviation from the loop over that of the model that was chosen, up to which a fit follows it as well."""
 
-_TURNS = (0.0, 1.0, 0.3, 0.9, 0.1, 0.6, 0.4, 0.8, 0.2, 0.7, 0.0)
-_SAMPLES = 40
+_REVERSAL_POSITIONS = (0.0, 1.0, 0.3, 0.9, 0.1, 0.6, 0.4, 0.8, 0.2, 0.7, 0.0)
+_SAMPLES_PER_BRANCH = 40
 
 
-def left_open(chosen: Model, others: Sequence[Model], loopset: Loops) -> float:
+def ambiguity_within_loop(chosen: Model, others: Sequence[Model], loopset: Loops) -> float:
     """Return how far (rms, of the largest output) others differ from one that is driven within it."""
     loop = loopset.loops[0]
     low, high = float(loop.input.min()), float(loop.input.max())
-    ends = low + (high - low) * np.array(_TURNS)
-    positions = np.linspace(0.0, ends.size - 1.0, _SAMPLES * (ends.size - 1) + 1)
+    ends = low + (high - low) * np.array(_REVERSAL_POSITIONS)
+    positions = np.linspace(0.0, ends.size - 1.0, _SAMPLES_PER_BRANCH * (ends.size - 1) + 1)
     drive = np.interp(positions, np.arange(ends.size), ends)
     before = History("conditioned", (low, high, low, high, low))
     runs = []
@@ -313,13 +327,13 @@ def left_open(chosen: Model, others: Sequence[Model], loopset: Loops) -> float:
     return max(apart, default=0.0) / largest_output(loopset)
 
 
-_EXPLAINED = 2.0
+_MAX_DEVIATION_RATIO = 2.0
 """Distance of two maps between the gaps, over what both miss at gaps left out, that these explain."""
-_COMPARABLE = 3.0
+_MAX_SIMPLER_ERROR_RATIO = 3.0
 """Cross-validation error over another's up to which a simpler map says where the other bends."""
 
 
-def apart_between(model: Model, rival: Model, loopset: Loops) -> float:
+def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
     """Return the mean deviation of two models midway between gaps, in parts of the largest output."""
     groups = loopset.by_schedule()
     off = []
@@ -336,39 +350,43 @@ def apart_between(model: Model, rival: Model, loopset: Loops) -> float:
     return max(off, default=0.0) / largest_output(loopset)
 
 
-def bends(model: Model, error: float, simpler: Sequence[tuple[Model, float]], loops: Loops) -> bool:
+def is_overfitted_between_gaps(
+    model: Model, error: float, simpler: Sequence[tuple[Model, float]], loops: Loops
+) -> bool:
     """Whether a model parts from all simpler maps by more than it and they miss at gaps left out.
 
     One that holds at the measured gaps alone says nothing between them.
     """
-    if model.fixed_gap_only:
+    if model.needs_fixed_gap:
         return False
-    known = [(other, missed) for other, missed in simpler if missed <= _COMPARABLE * error]
+    known = [
+        (other, missed) for other, missed in simpler if missed <= _MAX_SIMPLER_ERROR_RATIO * error
+    ]
     return bool(known) and all(
-        apart_between(model, other, loops) > _EXPLAINED * (error + missed)
+        deviation_between_gaps(model, other, loops) > _MAX_DEVIATION_RATIO * (error + missed)
         for other, missed in known
     )
 
 
-FARTHEST = 1.0
+MAX_INITIAL_CURVE_DISTANCE = 1.0
 """Of the width of the loop; irons of all families stay below 0.4 where it was measured."""
 
-_STEPS = 100
+_INITIAL_CURVE_SAMPLES = 100
 
 
-def is_guessed(loopset: Loops) -> bool:
+def has_no_initial_curve(loopset: Loops) -> bool:
     """Whether no loop begins demagnetised."""
     return all(loop.history.kind != "demagnetised" for loop in loopset.loops)
 
 
-def first_rise(model: Model, loopset: Loops) -> float:
+def initial_curve_distance(model: Model, loopset: Loops) -> float:
     """Return how far a model puts the first rise below the loop that follows."""
     if not is_actuator(loopset):
         return 0.0
     top = max(float(loop.input.max()) for loop in loopset.loops)
     if top <= 0.0:
         return 0.0
-    up = np.linspace(0.0, top, _STEPS)
+    up = np.linspace(0.0, top, _INITIAL_CURVE_SAMPLES)
     worst = 0.0
     for value in loopset.schedule_values if model.needs_schedule else (None,):
         try:
@@ -376,23 +394,29 @@ def first_rise(model: Model, loopset: Loops) -> float:
             settled = model.predict(np.concatenate([up[::-1], up]), value, history="settled").output
         except (InputError, NegativeResult):
             return float("inf")
-        falling, rising = settled[_STEPS - 1 :: -1], settled[_STEPS:]
+        falling, rising = (
+            settled[_INITIAL_CURVE_SAMPLES - 1 :: -1],
+            settled[_INITIAL_CURVE_SAMPLES:],
+        )
         width = float(np.max(np.abs(falling - rising)))
         below = float(np.max(np.abs(rising) - np.abs(first)))
         worst = max(worst, below / width if width > 0.0 else 0.0)
     return worst
 
 
-def begins_near(model: Model, loopset: Loops) -> bool:
+def has_plausible_initial_curve(model: Model, loopset: Loops) -> bool:
     """Whether a model puts the first rise near the loops, where none of them shows it."""
-    return not is_guessed(loopset) or first_rise(model, loopset) <= FARTHEST
+    return (
+        not has_no_initial_curve(loopset)
+        or initial_curve_distance(model, loopset) <= MAX_INITIAL_CURVE_DISTANCE
+    )
 
 
-_UNSEEN = 1.05
+_UNRESOLVED_COST_RATIO = 1.05
 """Mean square deviation over the least, up to which loops do not tell a pinned cell from a free one."""
 
 
-def field_step(model: Model, loops: Loops) -> float:
+def field_step_after_reversal(model: Model, loops: Loops) -> float:
     """Return by how much the effective field moves to the first sample after a reversal, A/m.
 
     The median over all reversals; 0 where there is none. Just there the iron hardly answers, and
@@ -410,29 +434,31 @@ def field_step(model: Model, loops: Loops) -> float:
     return float(np.median(turned)) if turned.size else 0.0
 
 
-def resolved(model: Model, loops: Loops) -> Model:
+def free_unresolved_cells(model: Model, loops: Loops) -> Model:
     """Count cells as free that no sample shows to be pinned, the finest first."""
     law = model.operator_law
     if law.cells is None:
         return model
     cells = law.cells(model.parameters_at(model.first_node))
-    fine = (cells.thresholds > 0.0) & (2.0 * cells.thresholds < field_step(model, loops))
+    fine = (cells.thresholds > 0.0) & (
+        2.0 * cells.thresholds < field_step_after_reversal(model, loops)
+    )
     hidden = int(np.count_nonzero(fine))
     if not cells.weights[fine].any() or not cells.weights[1 + hidden :].any():
         return model
-    most = _UNSEEN * _deviation(model, loops)
+    most = _UNRESOLVED_COST_RATIO * _mean_square_error(model, loops)
     refined, known, beyond = model, 0, hidden + 1
     while beyond - known > 1:
         middle = hidden if refined is model and beyond > hidden else (known + beyond) // 2
-        other = _freed(model, cells, middle)
-        if _deviation(other, loops) <= most:
+        other = _free_first_cells(model, cells, middle)
+        if _mean_square_error(other, loops) <= most:
             refined, known = other, middle
         else:
             beyond = middle
     return refined
 
 
-def _freed(model: Model, cells: CellWeights, count: int) -> Model:
+def _free_first_cells(model: Model, cells: CellWeights, count: int) -> Model:
     """Move the weights of the first cells with a threshold to the cell without one."""
     weights = np.delete(cells.weights, np.s_[1 : 1 + count], axis=0)
     weights[0] += cells.weights[1 : 1 + count].sum(axis=0)
@@ -440,15 +466,15 @@ def _freed(model: Model, cells: CellWeights, count: int) -> Model:
         cells, thresholds=np.delete(cells.thresholds, np.s_[1 : 1 + count]), weights=weights
     )
     gone = {spec.name for spec in model.operator_law.parameters}
-    gone -= {spec.name for spec in law_of(model.law, other).parameters}
+    gone -= {spec.name for spec in get_law(model.law, other).parameters}
     kept = {name: value for name, value in model.parameters.items() if name not in gone}
     return replace(model, cells=other, parameters=kept)
 
 
-def _deviation(model: Model, loops: Loops) -> float:
+def _mean_square_error(model: Model, loops: Loops) -> float:
     """Return the mean square deviation over all samples; infinite if the model has no answer."""
     try:
-        every = np.concatenate([model.on(loop) - loop.output for loop in loops.loops])
+        every = np.concatenate([model.predict_loop(loop) - loop.output for loop in loops.loops])
     except (InputError, NegativeResult):
         return float("inf")
     return float(every @ every) / every.size

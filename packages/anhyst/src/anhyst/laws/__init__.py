@@ -14,10 +14,10 @@ from anhyst.support.registry import Registry
 if TYPE_CHECKING:
     from anhyst.laws.cells import CellWeights
 
-_OWN = (EFFECTIVE_FIELD, JILES_ATHERTON_1986, PLAY_CELLS, PLAY_CELLS_LANGEVIN)
+_OWN_LAWS = (EFFECTIVE_FIELD, JILES_ATHERTON_1986, PLAY_CELLS, PLAY_CELLS_LANGEVIN)
 
 
-def _fault_of(law: object, name: str) -> str:
+def _find_fault(law: object, name: str) -> str:
     """Say what keeps a law of another package from being used; empty where nothing does."""
     if not isinstance(law, Law):
         return "and it is no Law"
@@ -29,11 +29,11 @@ def _fault_of(law: object, name: str) -> str:
     return "" if law.name == name else "and its law has another name"
 
 
-LAWS: Registry[Law] = Registry("anhyst.laws", {law.name: law for law in _OWN}, _fault_of)
+LAWS: Registry[Law] = Registry("anhyst.laws", {law.name: law for law in _OWN_LAWS}, _find_fault)
 """By name: those of anhyst, and of the entry points ``anhyst.laws`` of installed packages."""
 
 
-def law_of(name: str, cells: CellWeights | None = None) -> Law:
+def get_law(name: str, cells: CellWeights | None = None) -> Law:
     """Return a law, with its cells if they are given."""
     law = LAWS[name]
     if cells is None:

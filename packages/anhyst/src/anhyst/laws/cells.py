@@ -26,12 +26,12 @@ Shape = Literal["tanh", "langevin"]
 
 SHAPES: tuple[Shape, ...] = ("tanh", "langevin")
 
-PINNED = 12  # cells with a threshold that populations are cut into
+PINNED_CELLS = 12  # cells with a threshold that populations are cut into
 
-LEAST_THRESHOLD, LARGEST_THRESHOLD = 0.2, 2.0
+MIN_THRESHOLD_RATIO, MAX_THRESHOLD_RATIO = 0.2, 2.0
 """First and last threshold, in parts of the smallest and of the largest pinning scale."""
 
-MOST_CELLS = 64  # as many as the core takes, the one without threshold included
+MAX_CELLS = 64  # as many as the core takes, the one without threshold included
 
 
 class Population(NamedTuple):
@@ -60,16 +60,16 @@ class CellWeights:
                 values = np.ascontiguousarray(given, dtype=np.float64).copy()
                 values.flags.writeable = False
                 object.__setattr__(self, name, values)
-        problem = self._misshapen() or self._out_of_range()
+        problem = self._find_shape_problem() or self._find_range_problem()
         if problem:
             raise ValueError(problem)
 
-    def _misshapen(self) -> str | None:
+    def _find_shape_problem(self) -> str | None:
         r, a = self.thresholds, self.widths
         if self.shape not in SHAPES:
             return f"shape is {self.shape!r}; use one of {', '.join(SHAPES)}"
-        if r.ndim != 1 or not 1 <= r.size <= MOST_CELLS:
-            return f"thresholds must be a row of 1 to {MOST_CELLS} numbers"
+        if r.ndim != 1 or not 1 <= r.size <= MAX_CELLS:
+            return f"thresholds must be a row of 1 to {MAX_CELLS} numbers"
         if a.ndim != 1 or not a.size:
             return "widths must be a row of numbers"
         if self.centres is not None and self.centres.shape != a.shape:
@@ -81,13 +81,13 @@ class CellWeights:
             )
         return None
 
-    def _out_of_range(self) -> str | None:
+    def _find_range_problem(self) -> str | None:
         r, a, weights = self.thresholds, self.widths, self.weights
         if not np.isfinite(r).all() or r[0] != 0.0 or (np.diff(r) <= 0.0).any():
             return "thresholds must be finite and ascend from 0"
         if not np.isfinite(a).all() or (a <= 0.0).any():
             return "widths must be finite and above 0"
-        if not np.isfinite(self.middles).all() or (self.middles < 0.0).any():
+        if not np.isfinite(self.curve_centres).all() or (self.curve_centres < 0.0).any():
             return "centres must be finite and not negative"
         if not np.isfinite(weights).all() or (weights < 0.0).any():
             return "weights must be finite and not negative"
@@ -99,38 +99,42 @@ class CellWeights:
             return NotImplemented
         return self.shape == other.shape and all(
             np.array_equal(getattr(self, name), getattr(other, name))
-            for name in ("thresholds", "widths", "weights", "middles")
+            for name in ("thresholds", "widths", "weights", "curve_centres")
         )
 
     def __hash__(self) -> int:
         """Hash by value."""
-        return hash((self.shape, self._content))
+        return hash((self.shape, self._as_bytes))
 
     def __str__(self) -> str:
         """Say what there is, and a few digits that differ where anything does."""
-        digest = sha256(self.shape.encode() + self._content).hexdigest()[:8]
+        digest = sha256(self.shape.encode() + self._as_bytes).hexdigest()[:8]
         count = int(np.count_nonzero(self.weights))
         return f"{self.thresholds.size} cells, {count} weights above 0 ({digest})"
 
     @property
-    def middles(self) -> FloatArray:
+    def curve_centres(self) -> FloatArray:
         """Centre of each curve, A/m."""
         return np.zeros(self.widths.size) if self.centres is None else self.centres
 
     @property
-    def _content(self) -> bytes:
+    def _as_bytes(self) -> bytes:
         """All numbers, as bytes."""
         arrays = [self.thresholds, self.widths, self.weights]
-        arrays += [self.middles] if self.middles.any() else []
+        arrays += [self.curve_centres] if self.curve_centres.any() else []
         return b"".join(array.tobytes() for array in arrays)
 
     def curves(
-        self, plays: FloatArray, of: Callable[[Shape, FloatArray], FloatArray]
+        self, positions: FloatArray, function: Callable[[Shape, FloatArray], FloatArray]
     ) -> FloatArray:
         """Return each curve at places of each cell, or its slope over place/width; (n + 1, J, m)."""
-        places, middles, widths = plays[:, None, :], self.middles[:, None], self.widths[:, None]
-        sides = (-1.0, 1.0) if self.middles.any() else (1.0,)
-        halves = [of(self.shape, (places + side * middles) / widths) for side in sides]
+        places, middles, widths = (
+            positions[:, None, :],
+            self.curve_centres[:, None],
+            self.widths[:, None],
+        )
+        sides = (-1.0, 1.0) if self.curve_centres.any() else (1.0,)
+        halves = [function(self.shape, (places + side * middles) / widths) for side in sides]
         return np.asarray(sum(halves) / len(halves))
 
     @property
@@ -139,39 +143,39 @@ class CellWeights:
         return float(self.weights.sum())
 
 
-class _Cut(NamedTuple):
+class _Discretisation(NamedTuple):
     """Populations cut into cells: what their weights and the derivatives of these are made from.
 
     A cell stands for what lies between the geometric middles to its neighbours; the first for all
     below, the last for all above.
     """
 
-    levels: FloatArray  # thresholds, geometric above the first, which is 0, A/m; shape (n + 1,)
+    thresholds: FloatArray  # thresholds, geometric above the first, which is 0, A/m; shape (n + 1,)
     # logarithms of the middles between those above 0, over the pinning scale; shape (J, n - 1)
-    logs: FloatArray
+    log_ratios: FloatArray
     shares: FloatArray  # of each population at each threshold above 0; shape (J, n)
     # derivative of what of each lies above each middle, by the logarithm of
     # ``u = (middle/scale)**spread``; shape (J, n - 1)
-    by_log: FloatArray
+    log_derivatives: FloatArray
 
 
 @lru_cache(maxsize=4)  # weights and their derivatives are made one after the other
-def _cut(pinned: tuple[Population, ...]) -> _Cut:
+def _discretise(pinned: tuple[Population, ...]) -> _Discretisation:
     scales = np.array([[cell.scale] for cell in pinned])
     spreads = np.array([[cell.spread] for cell in pinned])
-    low, high = LEAST_THRESHOLD * float(scales.min()), LARGEST_THRESHOLD * float(scales.max())
-    levels = np.zeros(PINNED + 1)  # np.geomspace takes as long as all the rest
+    low, high = MIN_THRESHOLD_RATIO * float(scales.min()), MAX_THRESHOLD_RATIO * float(scales.max())
+    levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace takes as long as all the rest
     start, end = np.log10(low), np.log10(high)
-    levels[1:] = 10.0 ** (np.arange(PINNED) * ((end - start) / (PINNED - 1)) + start)
+    levels[1:] = 10.0 ** (np.arange(PINNED_CELLS) * ((end - start) / (PINNED_CELLS - 1)) + start)
     levels[1], levels[-1] = low, high
     logs = np.log(np.sqrt(levels[1:-1] * levels[2:]) / scales)
     u = np.exp(np.minimum(spreads * logs, np.log(700.0)))  # beyond exp(-700) nothing is left
-    left = np.zeros((len(pinned), PINNED + 1))
+    left = np.zeros((len(pinned), PINNED_CELLS + 1))
     left[:, 0], left[:, 1:-1] = 1.0, np.exp(-u)
-    return _Cut(levels, logs, left[:, :-1] - left[:, 1:], -u * left[:, 1:-1])
+    return _Discretisation(levels, logs, left[:, :-1] - left[:, 1:], -u * left[:, 1:-1])
 
 
-def populations(
+def discretise_populations(
     reversible: tuple[float, float], pinned: Sequence[Population], shape: Shape = "tanh"
 ) -> CellWeights:
     """Cut populations into cells."""
@@ -181,12 +185,12 @@ def populations(
     for population in counting:
         if not all(np.isfinite(population)) or min(population) <= 0.0:
             raise ValueError("a population needs finite numbers above 0")
-    cut = _cut(tuple(counting))
-    weights = np.zeros((cut.levels.size, 1 + len(counting)))
+    cut = _discretise(tuple(counting))
+    weights = np.zeros((cut.thresholds.size, 1 + len(counting)))
     weights[0, 0], width = reversible
     weights[1:, 1:] = (np.array([cell.magnetisation for cell in counting])[:, None] * cut.shares).T
     widths = np.array([width, *(cell.width for cell in counting)])
-    return CellWeights(cut.levels, widths, weights, shape)
+    return CellWeights(cut.thresholds, widths, weights, shape)
 
 
 class Tangents(NamedTuple):
@@ -202,14 +206,14 @@ class Tangents(NamedTuple):
 def population_tangents(pinned: Sequence[Population]) -> Tangents:
     """Differentiate :func:`populations` by its ``d = 2 + 4 J`` numbers."""
     magnetisation, _, scales, spreads = np.array(pinned).T
-    levels, logs, shares, by_log = _cut(tuple(pinned))
+    levels, logs, shares, by_log = _discretise(tuple(pinned))
     count, directions = len(pinned), 2 + 4 * len(pinned)
-    log_places = np.zeros((PINNED, directions))  # derivatives of the logarithms
-    up = np.linspace(0.0, 1.0, PINNED)
+    log_places = np.zeros((PINNED_CELLS, directions))  # derivatives of the logarithms
+    up = np.linspace(0.0, 1.0, PINNED_CELLS)
     for part, at in ((1.0 - up, scales.argmin()), (up, scales.argmax())):
         log_places[:, 4 * at + 4] += part / scales[at]
     every, own = np.arange(count), 4 * np.arange(count) + 2
-    left = np.zeros((count, PINNED + 1, directions))  # of what lies above each middle
+    left = np.zeros((count, PINNED_CELLS + 1, directions))  # of what lies above each middle
     inner = left[:, 1:-1]
     inner[:] = 0.5 * (log_places[:-1] + log_places[1:])
     inner[every, :, own + 2] -= 1.0 / scales[:, None]
@@ -225,7 +229,7 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
     return Tangents(weights, widths, thresholds)
 
 
-PLACES = 2001  # fields at which the steepest path is looked for
+FIELD_SAMPLES = 2001  # fields at which the steepest path is looked for
 
 
 def curve_value(shape: Shape, part: FloatArray) -> FloatArray:
@@ -249,7 +253,9 @@ def curve_slope(shape: Shape, part: FloatArray) -> FloatArray:
 @lru_cache(maxsize=16)
 def steepest_slope(cells: CellWeights) -> float:
     """Return the largest slope of the magnetisation over the effective field, of any path."""
-    reach = float((cells.middles + 3.0 * cells.widths).max())
-    plays = np.linspace(-reach, cells.thresholds[-1] + reach, PLACES) - cells.thresholds[:, None]
+    reach = float((cells.curve_centres + 3.0 * cells.widths).max())
+    plays = (
+        np.linspace(-reach, cells.thresholds[-1] + reach, FIELD_SAMPLES) - cells.thresholds[:, None]
+    )
     slope = cells.curves(plays, curve_slope)
     return float(np.einsum("ij,ijm->m", cells.weights / cells.widths, slope).max())

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from anhyst.laws.law import FitNumber, Kernel, Law, ParameterSpec
+from anhyst.laws.law import FitParameter, Kernel, Law, ParameterSpec
 
 if TYPE_CHECKING:
     from anhyst._core import Iron, Operator
@@ -45,11 +45,14 @@ PARAMETERS = (
 )
 
 
-NUMBERS = (FitNumber("kappa", "k/a", 2e-3, 5e2, "log"), FitNumber("c", "c", 0.0, 0.999))
+FIT_PARAMETERS = (
+    FitParameter("kappa", "k/a", 2e-3, 5e2, "log"),
+    FitParameter("c", "c", 0.0, 0.999),
+)
 """What a fit moves of the law itself."""
 
 
-STEEP_UNTIL = 20.0
+MAX_STEEPEST_FIELD = 20.0
 """Field over the shape field up to which the steepest place of a branch is looked for."""
 
 
@@ -77,7 +80,7 @@ def steepest_slope(kappa: float, c: float) -> float:
 
     from anhyst._core import langevin
 
-    x = np.linspace(0.0, STEEP_UNTIL, 401)
+    x = np.linspace(0.0, MAX_STEEPEST_FIELD, 401)
     level, slope = langevin(x)
     irreversible = (level - ascending_branch(kappa, x)) / kappa
     return float(((1.0 - c) * irreversible + c * slope).max())
@@ -96,13 +99,13 @@ def _iron(name: str, m_s: float, a: float, k: float, c: float, alpha: float, r_d
     return Iron(m_s, a, k, c, alpha, r_d, name)
 
 
-def _lagging(kappa: float, c: float, play: float, _omega: float) -> Operator:
+def _effective_field_operator(kappa: float, c: float, play: float, _omega: float) -> Operator:
     from anhyst._core import Operator
 
     return Operator(kappa, c, play)
 
 
-def _of_1986(kappa: float, c: float, play: float, omega: float) -> Operator:
+def _operator_of_1986(kappa: float, c: float, play: float, omega: float) -> Operator:
     from anhyst._core import Operator
 
     return Operator(kappa, c, play, -omega * c, "jiles-atherton-1986")
@@ -114,7 +117,9 @@ EFFECTIVE_FIELD = Law(
     title="effective-field Jiles-Atherton law",
     parameters=PARAMETERS,
     iron=partial(_iron, "effective-field"),
-    kernel=Kernel(_lagging, NUMBERS, differentiated=True, coupled=False),
+    kernel=Kernel(
+        _effective_field_operator, FIT_PARAMETERS, has_derivatives=True, is_coupled=False
+    ),
     least_slope=least_slope,
 )
 
@@ -124,6 +129,6 @@ JILES_ATHERTON_1986 = Law(
     title="Jiles-Atherton law of 1986",
     parameters=PARAMETERS,
     iron=partial(_iron, "jiles-atherton-1986"),
-    kernel=Kernel(_of_1986, NUMBERS, differentiated=False, coupled=True),
+    kernel=Kernel(_operator_of_1986, FIT_PARAMETERS, has_derivatives=False, is_coupled=True),
     obstacle="its step has no closed form",
 )

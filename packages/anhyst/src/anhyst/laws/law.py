@@ -36,7 +36,7 @@ class ParameterSpec:
     search: tuple[float, float] | None = None
     role: Role = ""  # what it is for whoever does not know the law
 
-    def problem(self, value: float) -> str | None:
+    def find_problem(self, value: float) -> str | None:
         """Return what is wrong with a value, if anything is."""
         if not math.isfinite(value):
             return "is not a finite number"
@@ -85,7 +85,7 @@ class IronOperator(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class FitNumber:
+class FitParameter:
     """One number that a fit moves."""
 
     name: str  # of the number; the meaning in the symbols of a model file, or in words
@@ -95,10 +95,10 @@ class FitNumber:
     # in which it is moved: its logarithm, its inverse hyperbolic sine, or itself over its unit
     coordinate: Literal["log", "asinh", "plain"] = "plain"
     # its unit is the span of the measured input or output; nothing for a pure number
-    of: Literal["input", "output", ""] = ""
+    unit_of: Literal["input", "output", ""] = ""
     # what it is to be expected at, where loops leave it open; None: nothing is expected
-    usual: float | None = None
-    spread: float = 1.5  # standard deviation of the coordinate around that
+    prior_mean: float | None = None
+    prior_std: float = 1.5  # standard deviation of the coordinate around that
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,27 +106,29 @@ class Kernel:
     """How the core follows a law of Jiles and Atherton where ``M_s = a = 1``, for the fast fit."""
 
     # builds it from ``kappa = k/a``, ``c``, the half-width of its play and ``omega``
-    operator: Callable[[float, float, float, float], Operator]
-    numbers: tuple[FitNumber, ...]  # what a fit moves of the law itself: ``kappa`` and ``c``
-    differentiated: bool  # whether the core gives its derivatives; else differences stand for them
+    make_operator: Callable[[float, float, float, float], Operator]
+    fit_parameters: tuple[
+        FitParameter, ...
+    ]  # what a fit moves of the law itself: ``kappa`` and ``c``
+    has_derivatives: bool  # whether the core gives its derivatives; else differences stand for them
     # whether the interaction enters the law itself: then a reluctance in series with the iron is
     # not the same as less interaction
-    coupled: bool
+    is_coupled: bool
 
-    def iron(
+    def iron_parameters(
         self, saturation: float, width: float, law: tuple[float, ...], alpha: float
     ) -> dict[str, float]:
         """Return the parameters of an iron, from its scales and what was fitted."""
         kappa, c = law
         return {"M_s": saturation, "a": width, "k": kappa * width, "c": c, "alpha": alpha}
 
-    def shrink_field(self, iron: dict[str, float], part: float) -> None:
+    def scale_internal_field(self, iron: dict[str, float], part: float) -> None:
         """Take the field inside an iron without interaction to a part of itself, by interaction."""
         iron["alpha"] = 1.0 - part
         iron["a"] *= part
         iron["k"] *= part
 
-    def dead_band(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
+    def dead_band_parameter(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
         """Return the parameter of a dead band that is a part of the pinning."""
         return {"r_d": part * iron["k"]}
 

@@ -19,12 +19,14 @@ if TYPE_CHECKING:
     from anhyst.laws.cells import CellWeights, Shape
     from anhyst.support.numeric import FloatArray
 
-POPULATIONS = 3
+MAX_POPULATIONS = 3
 
-STATES = 13  # numbers of the state: the effective field and the places of the pinned cells, A/m
+STATE_COUNT = (
+    13  # numbers of the state: the effective field and the places of the pinned cells, A/m
+)
 
 
-_OF_POPULATION: tuple[tuple[str, str, str, float, tuple[float, float], Role], ...] = (
+_POPULATION_PARAMETERS: tuple[tuple[str, str, str, float, tuple[float, float], Role], ...] = (
     ("M", "share of the saturation", "A/m", 0.0, (10.0, 1e5), "saturation"),
     ("a", "width of its curve", "A/m", 1.0, (0.02, 5.0), ""),
     ("k", "pinning scale", "A/m", 1.0, (5e-3, 1.0), "pinning"),
@@ -33,11 +35,11 @@ _OF_POPULATION: tuple[tuple[str, str, str, float, tuple[float, float], Role], ..
 """Symbol, meaning, unit, default, range of a search and role."""
 
 
-def _population(number: int) -> Iterator[ParameterSpec]:
+def _population_specs(number: int) -> Iterator[ParameterSpec]:
     """Return what describes a population; all but the first may be left out."""
     first = number == 1
     ordinal = ("first", "second", "third")[number - 1]
-    for symbol, meaning, unit, default, search, role in _OF_POPULATION:
+    for symbol, meaning, unit, default, search, role in _POPULATION_PARAMETERS:
         may_vanish = symbol == "M" and not first
         yield ParameterSpec(
             f"{symbol}_{number}",
@@ -74,20 +76,20 @@ PARAMETERS = (
         default=1.0,
         search=(0.02, 5.0),
     ),
-    *(spec for number in range(1, POPULATIONS + 1) for spec in _population(number)),
+    *(spec for number in range(1, MAX_POPULATIONS + 1) for spec in _population_specs(number)),
     ALPHA,
 )
 
 
-def weights_of(shape: Shape, *numbers: float) -> CellWeights:
+def make_cells(shape: Shape, *numbers: float) -> CellWeights:
     """Return the cells of the parameters but ``alpha``, in the order of the file."""
-    from anhyst.laws.cells import Population, populations
+    from anhyst.laws.cells import Population, discretise_populations
 
     pinned = [Population(*numbers[at : at + 4]) for at in range(2, len(numbers), 4)]
-    return populations((numbers[0], numbers[1]), pinned, shape)
+    return discretise_populations((numbers[0], numbers[1]), pinned, shape)
 
 
-def iron_of(cells: CellWeights, alpha: float) -> CellIron:
+def make_iron(cells: CellWeights, alpha: float) -> CellIron:
     """Return the iron of the core."""
     from anhyst._core import CellIron
 
@@ -96,8 +98,8 @@ def iron_of(cells: CellWeights, alpha: float) -> CellIron:
     )
 
 
-def _cells(shape: Shape, iron: Mapping[str, float]) -> CellWeights:
-    return weights_of(shape, *(iron[spec.name] for spec in PARAMETERS if spec is not ALPHA))
+def _cells_of_parameters(shape: Shape, iron: Mapping[str, float]) -> CellWeights:
+    return make_cells(shape, *(iron[spec.name] for spec in PARAMETERS if spec is not ALPHA))
 
 
 def _least_slope(
@@ -111,10 +113,10 @@ def _least_slope(
 
 def _iron(shape: Shape, *numbers: float) -> CellIron:
     *cells, alpha = numbers
-    return iron_of(weights_of(shape, *cells), alpha)
+    return make_iron(make_cells(shape, *cells), alpha)
 
 
-def _of_cells(name: str, cells: CellWeights) -> Law:
+def _with_cells(name: str, cells: CellWeights) -> Law:
     shape = _SHAPES[name]
     if cells.shape != shape:
         other = next(known for known, curve in _SHAPES.items() if curve == cells.shape)
@@ -126,23 +128,23 @@ def _of_cells(name: str, cells: CellWeights) -> Law:
     return replace(
         PLAY_CELLS if shape == "tanh" else PLAY_CELLS_LANGEVIN,
         parameters=(ALPHA,),
-        iron=partial(iron_of, cells),
+        iron=partial(make_iron, cells),
         states=cells.thresholds.size,
         least_slope=partial(_least_slope, given),
         cells=given,
     )
 
 
-def _law(name: str, title: str) -> Law:
-    cells = partial(_cells, _SHAPES[name])
+def _make_law(name: str, title: str) -> Law:
+    cells = partial(_cells_of_parameters, _SHAPES[name])
     return Law(
         name=name,
         title=title,
         parameters=PARAMETERS,
         iron=partial(_iron, _SHAPES[name]),
-        states=STATES,
+        states=STATE_COUNT,
         least_slope=partial(_least_slope, cells),
-        of_cells=partial(_of_cells, name),
+        of_cells=partial(_with_cells, name),
         cells=cells,
         remembers=True,
     )
@@ -150,7 +152,7 @@ def _law(name: str, title: str) -> Law:
 
 _SHAPES: dict[str, Shape] = {"play-cells": "tanh", "play-cells-langevin": "langevin"}
 
-PLAY_CELLS = _law("play-cells", "play cells in the effective field")
-PLAY_CELLS_LANGEVIN = _law(
+PLAY_CELLS = _make_law("play-cells", "play cells in the effective field")
+PLAY_CELLS_LANGEVIN = _make_law(
     "play-cells-langevin", "play cells in the effective field, on Langevin curves"
 )

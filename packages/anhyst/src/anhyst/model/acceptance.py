@@ -12,19 +12,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data.output_map import output_map
-from anhyst.model.predict import run_through, slow_times
-from anhyst.model.record import ActuatorRecord
+from anhyst.model.model_data import ModelData
+from anhyst.model.predict import run_record, slow_times
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
 
-GAPS_BETWEEN_NODES = 20
-DRIVES_A_BRANCH = 100
+GAPS_PER_INTERVAL = 20
+DRIVES_PER_BRANCH = 100
 
-TOLERANCE = 1e-4
+MAX_FALL = 1e-4
 """Fall of the output, in parts of the largest, that still counts as none: a tenth of what the
 best force sensors resolve, and far above rounding where all gaps share one remanence."""
 
-OFFSET = 0.02
+MAX_SENSOR_OFFSET = 0.02
 """Offset, in parts of the range, that a sensor may have; a force that falls beyond it is a fault of
 the model, however it is called. As much may offsets differ from gap to gap: they are no property of
 the magnet."""
@@ -49,26 +49,26 @@ class GapCheck:
     at_drive: float  # drive at which it has, in units of the input
     branch: str  # ``"rising"`` or ``"falling"``
     # 1 where a rise is one upward; -1 where output is negative and rises in magnitude
-    towards: float = 1.0
-    trouble: str = ""  # why a gap could not be computed; empty if all could
+    sign: float = 1.0
+    failure: str = ""  # why a gap could not be computed; empty if all could
 
     @property
     def failing(self) -> tuple[float, ...]:
         """Gaps where the output has fallen, or could not be computed, m."""
-        falls = _falls(self.towards * self.output, self.towards * self.offset)
-        fallen = np.fmax.reduce(falls, axis=1, initial=0.0) > TOLERANCE
+        falls = _falls_as_gap_closes(self.sign * self.output, self.sign * self.offset)
+        fallen = np.fmax.reduce(falls, axis=1, initial=0.0) > MAX_FALL
         return tuple(self.gaps[fallen | np.isnan(self.output).any(axis=1)].tolist())
 
     @property
     def passed(self) -> bool:
         """Whether the output rises throughout as the gap closes."""
-        return not self.trouble and self.fall <= TOLERANCE
+        return not self.failure and self.fall <= MAX_FALL
 
     def text(self, unit: str) -> str:
         """One sentence for a person; ``unit`` is that of the drive."""
         at = f"{1e3 * self.gap:.4g} mm"
-        if self.trouble:
-            return f"the model cannot be computed at a gap of {at}: {self.trouble}"
+        if self.failure:
+            return f"the model cannot be computed at a gap of {at}: {self.failure}"
         if self.passed:
             span = f"{1e3 * self.gaps[0]:.4g} to {1e3 * self.gaps[-1]:.4g} mm"
             return f"at every drive the output rises as the gap closes ({span}, both branches)"
@@ -87,17 +87,17 @@ class DriveCheck:
     fall: float
     at_drive: float  # drive at which it has fallen most, in units of the input
     where: str  # gap, and state at the start, for a person
-    trouble: str = ""  # why it could not be computed; empty if it could
+    failure: str = ""  # why it could not be computed; empty if it could
 
     @property
     def passed(self) -> bool:
         """Whether the output nowhere falls as the drive rises."""
-        return not self.trouble and self.fall <= TOLERANCE
+        return not self.failure and self.fall <= MAX_FALL
 
     def text(self, unit: str) -> str:
         """One sentence for a person; ``unit`` is that of the drive."""
-        if self.trouble:
-            return f"the model cannot be computed {self.where}: {self.trouble}"
+        if self.failure:
+            return f"the model cannot be computed {self.where}: {self.failure}"
         if self.passed:
             return "the output nowhere falls as the drive rises from rest"
         return (
@@ -107,18 +107,18 @@ class DriveCheck:
         )
 
 
-def check_over_drive(model: ActuatorRecord) -> DriveCheck | None:
+def check_over_drive(model: ModelData) -> DriveCheck | None:
     """Test that at any fixed gap the force never falls as the drive rises from rest.
 
     From the demagnetised state, and from what remains after the largest drive, at 100 drives up to
     the largest measured one, at each node and half-way between. Rest is where a sensor whose offset
     is no larger than sensors have (:data:`OFFSET`) shows that nothing flows.
     """
-    if not output_map(model.output).even or model.valid is None:
+    if not output_map(model.output).is_even or model.valid is None:
         return None
     largest = _largest_drive(model)
-    start = _rest(model, OFFSET)
-    rise = np.linspace(start, largest, DRIVES_A_BRANCH)
+    start = _rest_drive(model, MAX_SENSOR_OFFSET)
+    rise = np.linspace(start, largest, DRIVES_PER_BRANCH)
     states = {
         "demagnetised": "from the demagnetised state",
         f"conditioned:{start!r},{largest!r},{start!r}": "from remanence",
@@ -136,7 +136,7 @@ def check_over_drive(model: ActuatorRecord) -> DriveCheck | None:
                 where = f"at {model.schedule.show(gap)} {words}"
             try:
                 time = slow_times(rise.size)
-                output = run_through(model, "drive", rise, gap, time, history).output
+                output = run_record(model, "drive", rise, gap, time, history).output
             except (InputError, NegativeResult) as error:
                 return DriveCheck(np.inf, start, where, str(error))
             falls = np.maximum.accumulate(output) - output
@@ -170,13 +170,13 @@ class Acceptance:
         return "; ".join(check.text(unit) for check in failed or checks)
 
 
-def check_acceptance(model: ActuatorRecord) -> Acceptance:
+def check_acceptance(model: ModelData) -> Acceptance:
     """Run both tests."""
     return Acceptance(check_over_gap(model), check_over_drive(model))
 
 
 def check_over_gap(
-    model: ActuatorRecord, at: Callable[[float], ActuatorRecord] | None = None
+    model: ModelData, at: Callable[[float], ModelData] | None = None
 ) -> GapCheck | None:
     """Test that at any fixed drive the output rises as the gap closes.
 
@@ -191,42 +191,44 @@ def check_over_gap(
     if len(model.nodes) < 2 or model.valid is None or model.output.name == "thrust":
         return None  # what pushes too has no gap that closes
     nodes = np.array(model.nodes)
-    parts = np.arange(GAPS_BETWEEN_NODES) / GAPS_BETWEEN_NODES
+    parts = np.arange(GAPS_PER_INTERVAL) / GAPS_PER_INTERVAL
     gaps = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * parts).ravel(), nodes[-1])
-    half = np.linspace(_rest(model), _largest_drive(model), DRIVES_A_BRANCH)
+    half = np.linspace(_rest_drive(model), _largest_drive(model), DRIVES_PER_BRANCH)
     drive = np.concatenate([half, half[-2::-1]])
     # "rises" means: in magnitude
-    towards = -1.0 if not output_map(model.output).even and half[-1] < 0.0 else 1.0
+    towards = -1.0 if not output_map(model.output).is_even and half[-1] < 0.0 else 1.0
     output = np.full((gaps.size, drive.size), np.nan)
     offset = np.zeros(gaps.size)
     troubles: list[tuple[float, str]] = []
     for index, gap in enumerate(gaps.tolist()):
         try:
             fixed, schedule = (model, gap) if at is None else (at(gap), None)
-            offset[index] = fixed.over_schedule("out_0", gap)[0] - np.min(model.parameters["out_0"])
+            offset[index] = fixed.interpolate_parameter("out_0", gap)[0] - np.min(
+                model.parameters["out_0"]
+            )
             largest = _largest_drive(model)
             shares = np.atleast_1d(model.parameters["in_0"]) / largest
-            share = fixed.over_schedule("in_0", gap)[0] / largest
-            seen = drive - largest * float(np.clip(shares.max() - share, 0.0, OFFSET))
+            share = fixed.interpolate_parameter("in_0", gap)[0] / largest
+            seen = drive - largest * float(np.clip(shares.max() - share, 0.0, MAX_SENSOR_OFFSET))
             time = slow_times(drive.size)
-            output[index] = run_through(fixed, "drive", seen, schedule, time, "settled").output
+            output[index] = run_record(fixed, "drive", seen, schedule, time, "settled").output
         except (InputError, NegativeResult) as error:
             troubles.append((gap, str(error)))
     if troubles:
         gap, trouble = troubles[0]
         return GapCheck(gaps, drive, output, offset, np.inf, gap, 0.0, "rising", towards, trouble)
-    fall = _falls(towards * output, towards * offset)
+    fall = _falls_as_gap_closes(towards * output, towards * offset)
     place, sample = np.unravel_index(int(np.argmax(fall)), fall.shape)
     worst = float(fall[place, sample]), float(gaps[place]), float(drive[sample])
-    branch = "rising" if sample < DRIVES_A_BRANCH else "falling"
+    branch = "rising" if sample < DRIVES_PER_BRANCH else "falling"
     return GapCheck(gaps, drive, output, offset, *worst, branch, towards)
 
 
-_FURTHER = 1.05
+_NEGATIVE_END_RATIO = 1.05
 """By what factor the negative end must be further out for drives to rise towards it."""
 
 
-def _largest_drive(model: ActuatorRecord) -> float:
+def _largest_drive(model: ModelData) -> float:
     """Return the end of the valid range that is further from where nothing magnetises.
 
     That is zero, or where an actuator has a bias, the offset of the input. Of ends that are as far,
@@ -234,21 +236,21 @@ def _largest_drive(model: ActuatorRecord) -> float:
     """
     low, high = model.valid_range.input
     bias = float(np.mean(model.parameters["in_0"]))
-    return low if abs(low - bias) > _FURTHER * abs(high - bias) else high
+    return low if abs(low - bias) > _NEGATIVE_END_RATIO * abs(high - bias) else high
 
 
-def _rest(model: ActuatorRecord, most: float = 0.5) -> float:
+def _rest_drive(model: ModelData, max_share: float = 0.5) -> float:
     """Return the drive from which on none is negative: above zero by a part of the largest."""
     largest = _largest_drive(model)
     shares = np.atleast_1d(model.parameters["in_0"]) / largest
-    return largest * float(np.clip(shares.max(), 0.0, most))
+    return largest * float(np.clip(shares.max(), 0.0, max_share))
 
 
-def _falls(output: FloatArray, offset: FloatArray) -> FloatArray:
+def _falls_as_gap_closes(output: FloatArray, offset: FloatArray) -> FloatArray:
     """How far the output lies below that of any wider gap, in parts of the largest output."""
     tiny = np.finfo(np.float64).tiny
     largest = float(np.fmax.reduce(np.abs(output), axis=None, initial=tiny))
-    reach = OFFSET * largest
+    reach = MAX_SENSOR_OFFSET * largest
     closing = (output - np.clip(offset, -reach, reach)[:, None])[::-1]
     best = np.fmax.accumulate(closing, axis=0)
     return (best - closing)[::-1] / largest

@@ -17,26 +17,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst._core import AnyIron
-from anhyst.data.clean import PREFIX, ReadOptions
+from anhyst.data.clean import SETTING_PREFIX, ReadOptions
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.path import HistoryLike
 from anhyst.laws import LAWS
 from anhyst.model.acceptance import Acceptance, GapCheck, check_acceptance, check_over_gap
-from anhyst.model.predict import as_samples, run_through
-from anhyst.model.prediction import Given, Prediction, warn_if_far
+from anhyst.model.model_data import MIN_SLOPE, ModelData
+from anhyst.model.predict import as_samples, run_record
+from anhyst.model.prediction import InputKind, Prediction, warn_if_far
 from anhyst.model.reader import read_as
-from anhyst.model.record import LEAST_SLOPE, ActuatorRecord
 from anhyst.model.stepper import Stepper
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, group_label, length_scale, range_text, shades
+from anhyst.support.result import Result, group_label, length_scale, range_text, schedule_colours
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-DRAWN = 400
+DRAWN_SAMPLES = 400
 """Samples of a branch that is drawn."""
 
 CYCLE_S = 1.0
@@ -44,7 +44,7 @@ CYCLE_S = 1.0
 
 
 @dataclass(frozen=True, repr=False)
-class Model(Result, ActuatorRecord):
+class Model(Result, ModelData):
     """A record of an actuator, and what can be done with it.
 
     Examples
@@ -106,18 +106,18 @@ class Model(Result, ActuatorRecord):
 
     def _run(
         self,
-        kind: Given,
+        kind: InputKind,
         values: ArrayLike,
         schedule: ArrayLike | None,
         time: ArrayLike | None,
         history: HistoryLike | None,
     ) -> Prediction:
-        found = run_through(self, kind, values, schedule, time, history)
+        found = run_record(self, kind, values, schedule, time, history)
         quantity = self.input if kind == "drive" else self.output
         warn_if_far(self, quantity, as_samples(values, kind), schedule)
         return found
 
-    def on(self, loop: Loop) -> FloatArray:
+    def predict_loop(self, loop: Loop) -> FloatArray:
         """Return the output that the model gives for the drive of a measured loop, shape (n,)."""
         return self.predict(loop.input, loop.schedule, loop.time, loop.history).output
 
@@ -163,7 +163,7 @@ class Model(Result, ActuatorRecord):
         for name, value in self.parameters.items():
             values = value if isinstance(value, tuple) else (value,)
             nodes = self.nodes if len(values) > 1 else (float("nan"),)
-            rows += [(self.keys[name][1], *pair) for pair in zip(nodes, values, strict=True)]
+            rows += [(self.file_keys[name][1], *pair) for pair in zip(nodes, values, strict=True)]
         at = self.schedule.column if self.schedule is not None else "node"
         names, positions, numbers = zip(*rows, strict=True)
         return {"parameter": list(names), at: list(positions), "value": list(numbers)}
@@ -171,9 +171,9 @@ class Model(Result, ActuatorRecord):
     def draw(self, ax: Axes) -> None:
         """Draw :meth:`settled_loop` at each node."""
         scale, label = length_scale(self.output)
-        for node, colour in shades(self.nodes or (0.0,)).items():
+        for node, colour in schedule_colours(self.nodes or (0.0,)).items():
             at = node if self.nodes else None
-            drive, output = self.settled_loop(at, DRAWN)
+            drive, output = self.settled_loop(at, DRAWN_SAMPLES)
             name = group_label(self.schedule, at)
             ax.plot(drive, scale * output, color=colour, lw=1.1, label=name)
         ax.set_xlabel(self.input.label)
@@ -216,7 +216,7 @@ def read_model(path: PathLike) -> Model:
     return read_as(path, Model)
 
 
-def model_from(model: Model | PathLike, verb: str, argument: str = "model") -> Model:
+def resolve_model(model: Model | PathLike, verb: str, argument: str = "model") -> Model:
     """Return the model that a verb was given, read from its file if need be."""
     if isinstance(model, Model):
         return model
@@ -235,19 +235,21 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
         text = "the model does not say which measurements it came from: [provenance]"
         raise InputError(text, code="no-provenance", key="provenance")
     kept = {
-        name.removeprefix(PREFIX): str(value)
+        name.removeprefix(SETTING_PREFIX): str(value)
         for name, value in model.provenance.settings.items()
-        if name.startswith(PREFIX)
+        if name.startswith(SETTING_PREFIX)
     }
     unknown = set(kept) - {item.name for item in fields(ReadOptions)}
     if unknown:
-        key = f"provenance.settings.{PREFIX}{min(unknown)}"
+        key = f"provenance.settings.{SETTING_PREFIX}{min(unknown)}"
         raise wrong_key(key, "is unknown; remove it", code="extra-forbidden")
     options = ReadOptions.from_text(**kept)
-    return options.read([_find(source.path, source.sha256, Path(folder)) for source in sources])
+    return options.read(
+        [_find_source(source.path, source.sha256, Path(folder)) for source in sources]
+    )
 
 
-def _find(path: str, sha256: str, folder: Path) -> Path:
+def _find_source(path: str, sha256: str, folder: Path) -> Path:
     candidates = [Path(path), folder / path, folder / Path(path).name]
     present = [path for path in candidates if path.is_file()]
     for candidate in present:
@@ -262,17 +264,17 @@ def _find(path: str, sha256: str, folder: Path) -> Path:
     )
 
 
-GAPS = 65
+GAP_SAMPLES = 65
 """Places over the gap at which a model is looked at, beside its nodes."""
 
 
-def obstacle(model: Model) -> str | None:
+def find_compile_obstacle(model: Model) -> str | None:
     """Say why a model cannot be compiled, and what helps."""
     law = model.operator_law
     if law.least_slope is None:
         others = " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)
         return f"law {model.law!r} cannot be compiled: {law.obstacle}; identify with {others}"
-    if model.fixed_gap_only:
+    if model.needs_fixed_gap:
         over = model.schedule.name if model.schedule else "gap"
         others = "scaling or reluctance" if over == "gap" else "scaling"
         return (
@@ -281,7 +283,7 @@ def obstacle(model: Model) -> str | None:
         )
     if model.has_eddy_currents and not (model.has_layers or model.has_lag):
         return "gamma: what answers late cannot be compiled; take the model at rest (at_rest)"
-    return _jump(model)
+    return _find_jump(model)
 
 
 def require_core(model: Model, at: float) -> None:
@@ -297,12 +299,12 @@ def least_slope(model: Model, at: FloatArray) -> FloatArray:
     """Return ``1 + w*S``: the least slope of the drive over the field, of that without iron."""
     least = model.operator_law.least_slope
     assert least is not None
-    return least(model.parameters_at(float(at[0])), model.over_schedule("rho", at))
+    return least(model.parameters_at(float(at[0])), model.interpolate_parameter("rho", at))
 
 
-def _jump(model: Model) -> str | None:
-    at = _places(model)
-    jumps = least_slope(model, at) < LEAST_SLOPE
+def _find_jump(model: Model) -> str | None:
+    at = _gaps_to_check(model)
+    jumps = least_slope(model, at) < MIN_SLOPE
     if not jumps.any():
         return None
     text = (
@@ -321,10 +323,10 @@ def _jump(model: Model) -> str | None:
     )
 
 
-def _places(model: Model) -> FloatArray:
+def _gaps_to_check(model: Model) -> FloatArray:
     """Return where to look: evenly over the range of the gap, and at the nodes inside it."""
     nodes = np.array(model.nodes)
     valid = None if model.valid is None else model.valid.schedule
     low, high = valid or ((nodes[0], nodes[-1]) if nodes.size else (0.0, 0.0))
     inside = nodes[(nodes > low) & (nodes < high)]
-    return np.unique(np.concatenate([np.linspace(low, high, GAPS), inside]))
+    return np.unique(np.concatenate([np.linspace(low, high, GAP_SAMPLES), inside]))

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.data.output_map import full_scale
-from anhyst.model.actuator import Model, model_from
+from anhyst.model.actuator import Model, resolve_model
 from anhyst.model.parameters import Parameter
 from anhyst.model.predict import slow_times
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.result import Result, columns_of
+from anhyst.support.result import Result, rows_to_columns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from anhyst.model.schema import Range
 
-DRIVES_A_BRANCH = 200
+DRIVES_PER_BRANCH = 200
 
 Value = Parameter | str | None
 
@@ -90,7 +90,7 @@ class ModelDiff(Result):
 
     def to_columns(self) -> dict[str, Any]:
         """Return how far the settled loops are apart at each scheduling value, SI."""
-        return columns_of([asdict(loop) for loop in self.loops])
+        return rows_to_columns([asdict(loop) for loop in self.loops])
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain data, for JSON."""
@@ -107,7 +107,7 @@ class ModelDiff(Result):
 
 def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
     """Compare two models of the same kind: `anhyst.diff`."""
-    first, second = model_from(first, "diff", "first"), model_from(second, "diff", "second")
+    first, second = resolve_model(first, "diff", "first"), resolve_model(second, "diff", "second")
     for role in ("input", "output"):
         mine, other = getattr(first, role), getattr(second, role)
         if mine != other:
@@ -116,10 +116,10 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
                 f"{other.column}",
                 code="quantities-differ",
             )
-    settings = _changes(_settings(first), _settings(second))
-    parameters = _changes(first.parameters, second.parameters)
+    settings = _find_changes(_settings(first), _settings(second))
+    parameters = _find_changes(first.parameters, second.parameters)
     try:
-        drive = _common([m.valid.input for m in (first, second) if m.valid])
+        drive = _common_range([m.valid.input for m in (first, second) if m.valid])
         gaps = _common_schedule(first, second)
     except InputError as error:
         return ModelDiff(settings, parameters, None, (), None, None, str(error))
@@ -128,7 +128,7 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
     return ModelDiff(settings, parameters, drive, loops, mean, max(loop.worst for loop in loops))
 
 
-def _changes(first: Mapping[str, Value], second: Mapping[str, Value]) -> tuple[Change, ...]:
+def _find_changes(first: Mapping[str, Value], second: Mapping[str, Value]) -> tuple[Change, ...]:
     pairs = ((name, first.get(name), second.get(name)) for name in {**first, **second})
     return tuple(Change(name, old, new) for name, old, new in pairs if old != new)
 
@@ -149,7 +149,7 @@ def _settings(model: Model) -> dict[str, Value]:
     }
 
 
-def _common(ranges: list[Range]) -> Range:
+def _common_range(ranges: list[Range]) -> Range:
     if not ranges:
         text = "neither model has a valid range of the input: no loops compared"
         raise InputError(text, code="no-valid-range", key="valid")
@@ -180,7 +180,7 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
 
 
 def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> LoopDifference:
-    half = np.linspace(*drive, DRIVES_A_BRANCH)
+    half = np.linspace(*drive, DRIVES_PER_BRANCH)
     cycle = np.concatenate([half, half[-2::-1]])
     slow = slow_times(cycle.size)
     output, other = (model.predict(cycle, gap, slow, "settled").output for model in (first, second))

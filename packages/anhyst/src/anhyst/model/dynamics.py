@@ -26,14 +26,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.data.speeds import rate_of
+from anhyst.data.speeds import cycle_rate
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-GAMMA = "gamma (A s/(m T))"
+GAMMA_NAME = "gamma (A s/(m T))"
 """What it is called among the fitted quantities."""
 
-FASTER = 1.5
+MAX_RATE_RATIO = 1.5
 """A run that much faster than what a model was seen to hold for is flagged."""
 
 
@@ -67,12 +67,12 @@ class Dynamics:
         """Whether a run has to say when its samples were taken."""
         return self.lag > 0.0 or bool(self.times)
 
-    def follow(self, flux: float, slow: FloatArray, step: float) -> FloatArray:
+    def advance(self, flux: float, slow: FloatArray, step: float) -> FloatArray:
         """Return the slow parts after a flux density has held for a time, s."""
         return np.asarray(flux + np.exp(-step / np.array(self.times)) * (slow - flux))
 
-    def creep(
-        self, inputs: FloatArray, time: FloatArray, slow: FloatArray, *, known: bool
+    def apply_creep(
+        self, inputs: FloatArray, time: FloatArray, slow: FloatArray, *, is_flux_known: bool
     ) -> tuple[FloatArray, FloatArray, float]:
         """Add creep to a known flux density, or take it off one that has it.
 
@@ -81,8 +81,10 @@ class Dynamics:
         """
         kept = np.exp(-np.diff(time, prepend=time[0])[:, None] / np.array(self.times))
         shares = np.array(self.shares)
-        if known:
-            parts = np.stack([_lagging(inputs, *one) for one in zip(kept.T, slow, strict=True)])
+        if is_flux_known:
+            parts = np.stack(
+                [_follow_known_flux(inputs, *one) for one in zip(kept.T, slow, strict=True)]
+            )
             return inputs + shares @ parts, parts[:, -1], float(inputs[-1])
         creep = np.empty(inputs.size)
         before = 0.0
@@ -91,13 +93,15 @@ class Dynamics:
             creep[i] = before = value - float(shares @ slow)
         return creep, slow, before
 
-    def settled(self, inputs: FloatArray, time: FloatArray, *, known: bool) -> FloatArray:
+    def settled_slow_parts(
+        self, inputs: FloatArray, time: FloatArray, *, is_flux_known: bool
+    ) -> FloatArray:
         """Return the slow parts with which a cycle begins that has been repeated for ever."""
         step = float(np.median(np.diff(time)))
 
         def around(slow: FloatArray) -> FloatArray:
-            _, end, last = self.creep(inputs, time, slow, known=known)
-            return self.follow(last, end, step)
+            _, end, last = self.apply_creep(inputs, time, slow, is_flux_known=is_flux_known)
+            return self.advance(last, end, step)
 
         rest = around(np.zeros(len(self.times)))
         linear = np.stack([around(unit) - rest for unit in np.eye(len(self.times))], axis=1)
@@ -108,7 +112,7 @@ class Dynamics:
         return np.interp(time - self.lag, time, values)
 
 
-def _lagging(inputs: FloatArray, kept: FloatArray, start: float) -> FloatArray:
+def _follow_known_flux(inputs: FloatArray, kept: FloatArray, start: float) -> FloatArray:
     """Return what follows a known input with one time constant, from a start; of floats, for speed."""
     slow, before = float(start), 0.0
     found: list[float] = []
@@ -119,7 +123,7 @@ def _lagging(inputs: FloatArray, kept: FloatArray, start: float) -> FloatArray:
     return np.array(found)
 
 
-MOST_LAYERS = 16
+MAX_LAYERS = 16
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,7 @@ class Layers:
 
     def __post_init__(self) -> None:
         for key, wrong, wanted in (
-            ("count", not 2 <= self.count <= MOST_LAYERS, f"from 2 to {MOST_LAYERS}"),
+            ("count", not 2 <= self.count <= MAX_LAYERS, f"from 2 to {MAX_LAYERS}"),
             ("surface", not 0.0 < self.surface < 1.0, "above 0 and below 1"),
             ("laminated", not 0.0 <= self.laminated < 1.0, "from 0 to below 1"),
         ):
@@ -141,7 +145,7 @@ class Layers:
                 raise InputError(text, code="out-of-range", key=key)
 
     @property
-    def memories(self) -> int:
+    def state_copies(self) -> int:
         """Number of states of the law that the iron consists of: layers, and the sheets."""
         return self.count + 1
 
@@ -153,10 +157,10 @@ class Layers:
         )
 
 
-def too_fast(dynamics: Dynamics, drive: FloatArray, time: FloatArray) -> tuple[str, ...]:
+def describe_too_fast(dynamics: Dynamics, drive: FloatArray, time: FloatArray) -> tuple[str, ...]:
     """Return a sentence where a run is faster than what the model was seen to hold for."""
-    rate = rate_of(drive, time)
-    if dynamics.fastest == 0.0 or rate <= FASTER * dynamics.fastest:
+    rate = cycle_rate(drive, time)
+    if dynamics.fastest == 0.0 or rate <= MAX_RATE_RATIO * dynamics.fastest:
         return ()
     return (
         f"the record runs at {rate:.3g} Hz, the model was seen to hold up to "

@@ -22,7 +22,7 @@ GapMap = Literal["none", "scaling", "reluctance", "circuit", "free"]
 
 GAP_MAPS: tuple[GapMap, ...] = ("none", "scaling", "reluctance", "circuit", "free")
 
-CIRCUIT = (
+CIRCUIT_SPECS = (
     ParameterSpec("c_H", "drive of the iron for a unit of input", low=0.0, coordinate="reciprocal"),
     ParameterSpec("rho", "reluctance of the gap over that of an air-filled iron path", low=0.0,
                   closed=True, default=0.0),
@@ -34,22 +34,22 @@ CIRCUIT = (
 )  # fmt: skip
 """What surrounds the iron, the same whatever the law; units depend on input and output."""
 
-_SURROUNDS = frozenset({"c_out", "in_0", "out_0", "gamma"})
+_ALWAYS_VARYING = frozenset({"c_out", "in_0", "out_0", "gamma"})
 
 MAY_VARY: Mapping[GapMap, frozenset[str]] = MappingProxyType(
     {
         "none": frozenset(),
-        "scaling": _SURROUNDS | {"c_H"},
-        "reluctance": _SURROUNDS | {"rho"},
-        "circuit": _SURROUNDS | {"rho"},
+        "scaling": _ALWAYS_VARYING | {"c_H"},
+        "reluctance": _ALWAYS_VARYING | {"rho"},
+        "circuit": _ALWAYS_VARYING | {"rho"},
     }
 )
 """What each gap map but ``free`` allows to run over the scheduling variable; ``free`` allows all."""
 
 
-def specs_of(law: Law) -> dict[str, ParameterSpec]:
+def parameter_specs(law: Law) -> dict[str, ParameterSpec]:
     """Return every parameter of a model with this law by name, in the order of the file."""
-    return {spec.name: spec for spec in (*law.parameters, *CIRCUIT)}
+    return {spec.name: spec for spec in (*law.parameters, *CIRCUIT_SPECS)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ def find_problems(
     if not np.isfinite(steps).all() or (steps <= 0.0).any():
         text = "must be finite and ascend, without repeats"
         problems.append(Problem("nodes", text, code="not-ascending"))
-    specs = specs_of(law)
+    specs = parameter_specs(law)
     for name, spec in specs.items():
         value = parameters.get(name)
         if value is None:
@@ -88,7 +88,7 @@ def find_problems(
             if gap_map != "free" and name not in MAY_VARY[gap_map]:
                 text = f"may not vary with the gap map '{gap_map}'; give a single number"
                 problems.append(Problem(name, text, code="may-not-vary"))
-        wrong = next(filter(None, (spec.problem(single) for single in values)), None)
+        wrong = next(filter(None, (spec.find_problem(single) for single in values)), None)
         if wrong is not None:
             problems.append(Problem(name, wrong, code="out-of-range"))
     unknown = [name for name in parameters if name not in specs]
@@ -106,7 +106,7 @@ class Circuit:
     c_out: FloatArray
     in_0: FloatArray
     out_0: FloatArray
-    map: OutputMap
+    output_map: OutputMap
 
     def magnetomotive(self, drive: FloatArray) -> FloatArray:
         """Drive in units of the input -> drive of the core, A/m."""
@@ -120,7 +120,7 @@ class Circuit:
 
     def output(self, flux_density: FloatArray) -> FloatArray:
         """Flux density, T -> output in its own unit."""
-        return self.c_out * self.map.shape(flux_density) + self.out_0
+        return self.c_out * self.output_map.shape(flux_density) + self.out_0
 
     def flux_density(self, demand: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Demanded output -> flux density, T, and whether the demand can be reached.
@@ -129,12 +129,12 @@ class Circuit:
         flux density is then zero and the flag False.
         """
         shaped = (demand - self.out_0) / self.c_out
-        if not self.map.even:
+        if not self.output_map.is_even:
             return shaped, np.ones(shaped.shape, dtype=np.bool_)
         return np.sqrt(np.maximum(shaped, 0.0)), shaped >= 0.0
 
 
-LARGEST_LOGARITHM = 700.0  # exp overflows at 709.8
+MAX_LOGARITHM = 700.0  # exp overflows at 709.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +218,7 @@ class Curve:
         if self.coordinate == "plain":
             return straight
         is_log = self.coordinate == "log"
-        if (np.abs(straight) > LARGEST_LOGARITHM if is_log else straight <= 0.0).any():
+        if (np.abs(straight) > MAX_LOGARITHM if is_log else straight <= 0.0).any():
             raise wrong_key(
                 self.name,
                 f"the straight line beyond the nodes {self.nodes[0]:g} to {self.nodes[-1]:g} has "

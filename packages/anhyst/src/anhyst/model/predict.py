@@ -12,18 +12,18 @@ from numpy.typing import ArrayLike
 from anhyst._core import status_text
 from anhyst.data.path import History, HistoryLike
 from anhyst.laws.law import IronOperator
-from anhyst.model.dynamics import too_fast
+from anhyst.model.dynamics import describe_too_fast
+from anhyst.model.model_data import ModelData
 from anhyst.model.parameters import Circuit
-from anhyst.model.prediction import BoolArray, Given, Prediction, flag
-from anhyst.model.record import ActuatorRecord
+from anhyst.model.prediction import BoolArray, InputKind, Prediction, flag_samples
 from anhyst.support.errors import InputError, NegativeResult, wrong_key
 from anhyst.support.numeric import FloatArray
-from anhyst.support.wording import count_of
+from anhyst.support.wording import count_text
 
 OK = 0
 NOT_CONVERGED, NOT_SETTLED = -5, -6  # the work was done and there is no answer
 
-SHORTEST_RUN = 8
+MIN_RUN_SAMPLES = 8
 """A scheduling variable that rests for fewer samples than this is moving, not stepping."""
 
 _Step = Callable[
@@ -31,11 +31,11 @@ _Step = Callable[
     tuple[FloatArray, FloatArray, FloatArray, int, int],
 ]
 
-PIECE = 1 << 16
+PIECE_SAMPLES = 1 << 16
 """Samples that go through the core at once."""
 
-MOST_CYCLES = 10_000
-CLOSED = 1e-12
+MAX_CYCLES = 10_000
+CYCLE_TOLERANCE = 1e-12
 """A cycle is closed when the state returns this well (in units of a and M_s)."""
 
 
@@ -49,18 +49,18 @@ class SampleError(InputError):
 
 
 @dataclass(eq=False)
-class _Record:
+class _RecordRun:
     """A record on its way through the core: what is given, and room for what is found."""
 
-    model: ActuatorRecord
-    kind: Given
+    model: ModelData
+    kind: InputKind
     inputs: FloatArray
     schedule: FloatArray | None
     rate: FloatArray | None
 
     def __post_init__(self) -> None:
         size = self.inputs.size
-        self.answers, self.flux_density, self.field = (np.empty(size) for _ in range(3))
+        self.results, self.flux_density, self.field = (np.empty(size) for _ in range(3))
         self.reachable: BoolArray = np.ones(size, dtype=np.bool_)
 
     def circuit(self, run: slice) -> Circuit:
@@ -69,7 +69,7 @@ class _Record:
         rate = np.zeros(size) if self.rate is None else self.rate[run]
         return self.model.circuit(None if self.schedule is None else self.schedule[run], rate)
 
-    def core(self, run: slice, circuit: Circuit) -> FloatArray:
+    def core_input(self, run: slice, circuit: Circuit) -> FloatArray:
         """Return what the core is given in a run: its drive, A/m, or the flux density, T."""
         if self.kind == "drive":
             return circuit.magnetomotive(self.inputs[run])
@@ -77,9 +77,9 @@ class _Record:
         return flux_density
 
 
-def run_through(
-    model: ActuatorRecord,
-    kind: Given,
+def run_record(
+    model: ModelData,
+    kind: InputKind,
     values: ArrayLike,
     schedule: ArrayLike | None,
     time: ArrayLike | None,
@@ -88,14 +88,14 @@ def run_through(
     """Compute the output that a drive gives, or the drive that a demanded output needs."""
     inputs = as_samples(values, kind)
     if model.dynamics is not None and model.dynamics.needs_time:
-        clock = _clock(time, inputs.size, "a lag or creep ([dynamics])")
-        return _run_late(model, kind, inputs, schedule, clock, as_history(history, model))
-    return _run_at_once(model, kind, inputs, schedule, time, history)
+        clock = _require_times(time, inputs.size, "a lag or creep ([dynamics])")
+        return _run_with_dynamics(model, kind, inputs, schedule, clock, as_history(history, model))
+    return _run_without_dynamics(model, kind, inputs, schedule, time, history)
 
 
-def _run_at_once(
-    model: ActuatorRecord,
-    kind: Given,
+def _run_without_dynamics(
+    model: ModelData,
+    kind: InputKind,
     inputs: FloatArray,
     schedule: ArrayLike | None,
     time: ArrayLike | None,
@@ -106,11 +106,11 @@ def _run_at_once(
     if at is None:
         model.schedule_or_default(None)
     past = as_history(history, model)
-    record = _Record(model, kind, inputs, at, eddy_rate(model, time, inputs.size))
-    runs = list(_runs(model, at, inputs.size))
-    ends = [_one_run(record, run, past) for run in runs]
-    drive, output = (inputs, record.answers) if kind == "drive" else (record.answers, inputs)
-    valid, flags = flag(model, kind, drive, output, at, record.reachable)
+    record = _RecordRun(model, kind, inputs, at, eddy_rate(model, time, inputs.size))
+    runs = list(_split_runs(model, at, inputs.size))
+    ends = [_run_stretch(record, run, past) for run in runs]
+    drive, output = (inputs, record.results) if kind == "drive" else (record.results, inputs)
+    valid, flags = flag_samples(model, kind, drive, output, at, record.reachable)
     if not record.reachable.all():
         rest = model.circuit(at, np.zeros(inputs.size)).output(np.zeros(inputs.size))
         output = np.where(record.reachable, inputs, rest)
@@ -121,7 +121,7 @@ def _run_at_once(
             f"so each stretch starts again ({past})"
         )
     if model.dynamics is not None and time is not None:
-        notes += too_fast(model.dynamics, drive, as_samples(time, "time", drive.size))
+        notes += describe_too_fast(model.dynamics, drive, as_samples(time, "time", drive.size))
     cycles = [inputs[run] for run in runs] if past.kind == "settled" else []
     if any(
         each.size > 2 and abs(each[-1] - each[0]) > 2.0 * np.abs(np.diff(each)).max()
@@ -146,9 +146,9 @@ def _run_at_once(
     )
 
 
-def _run_late(
-    model: ActuatorRecord,
-    kind: Given,
+def _run_with_dynamics(
+    model: ModelData,
+    kind: InputKind,
     inputs: FloatArray,
     schedule: ArrayLike | None,
     time: FloatArray,
@@ -163,10 +163,10 @@ def _run_late(
     def creeping(flux: FloatArray) -> FloatArray:
         """Return the output with creep for a drive, without it for a demand."""
         if past.kind == "settled":
-            slow = late.settled(flux, time, known=kind == "drive")
+            slow = late.settled_slow_parts(flux, time, is_flux_known=kind == "drive")
         else:  # after a long rest
             slow = np.full(len(late.times), _flux_at_rest(model, at, past))
-        creep, _, _ = late.creep(flux, time, slow, known=kind == "drive")
+        creep, _, _ = late.apply_creep(flux, time, slow, is_flux_known=kind == "drive")
         return model.circuit(at, np.zeros(inputs.size)).output(creep)
 
     at_once, reachable = inputs, np.ones(inputs.size, dtype=np.bool_)
@@ -175,30 +175,30 @@ def _run_late(
     elif late.times:
         flux, reachable = model.circuit(at, np.zeros(inputs.size)).flux_density(inputs)
         at_once = creeping(flux)
-    run = _run_at_once(model, kind, at_once, schedule, time, past)
+    run = _run_without_dynamics(model, kind, at_once, schedule, time, past)
     drive, output = inputs, run.output
     if kind == "demand":
         # One lag ahead; the last value is held after the end.
         drive, output = np.interp(time + late.lag, time, run.drive), inputs
     elif late.times:
         output = creeping(run.flux_density)
-    valid, flags = flag(model, kind, drive, output, at, reachable & run.reachable)
+    valid, flags = flag_samples(model, kind, drive, output, at, reachable & run.reachable)
     return replace(run, drive=drive, output=output, valid=valid, flags=flags)
 
 
-def _flux_at_rest(model: ActuatorRecord, schedule: FloatArray | None, past: History) -> float:
+def _flux_at_rest(model: ModelData, schedule: FloatArray | None, past: History) -> float:
     """Return the flux density, T, at the last turning point before the first sample."""
     if not past.turning_points:
         return 0.0
     at = None if schedule is None else schedule[:1]
     last = as_samples(past.turning_points[-1:], "turning point")
-    return float(_run_at_once(model, "drive", last, at, [0.0], past).flux_density[0])
+    return float(_run_without_dynamics(model, "drive", last, at, [0.0], past).flux_density[0])
 
 
-def _clock(time: ArrayLike | None, size: int, why: str) -> FloatArray:
+def _require_times(time: ArrayLike | None, size: int, reason: str) -> FloatArray:
     """Return the times of samples, s; `why` says what of a model needs them."""
     if time is None:
-        text = f"the model has {why}: give the time, in a file as column t_s"
+        text = f"the model has {reason}: give the time, in a file as column t_s"
         raise InputError(text, code="time-missing", key="t_s")
     clock = as_samples(time, "time", size)
     if (np.diff(clock) <= 0.0).any():
@@ -212,7 +212,7 @@ def slow_times(size: int) -> FloatArray:
     return 1e9 * np.arange(size, dtype=np.float64)
 
 
-def _one_run(record: _Record, run: slice, history: History) -> tuple[FloatArray, int]:
+def _run_stretch(record: _RecordRun, run: slice, history: History) -> tuple[FloatArray, int]:
     """Take one uninterrupted run through the core; return the state after it and the cycles."""
     start = None if record.schedule is None else float(record.schedule[run.start])
     iron = record.model.iron_at(start)
@@ -228,20 +228,20 @@ def _one_run(record: _Record, run: slice, history: History) -> tuple[FloatArray,
     forward = record.kind == "drive"
     step = _step(iron, record.kind)
     # Piece by piece: what surrounds the iron need not be held for a whole long record.
-    for first in range(run.start, run.stop, PIECE):
-        piece = slice(first, min(first + PIECE, run.stop))
+    for first in range(run.start, run.stop, PIECE_SAMPLES):
+        piece = slice(first, min(first + PIECE_SAMPLES, run.stop))
         circuit = record.circuit(piece)
-        core = record.core(piece, circuit)
+        core = record.core_input(piece, circuit)
         other, field, state, status, index = step(core, circuit.rho, circuit.eddy, state)
-        check(status, record.kind, first + index, record.inputs)
-        record.answers[piece] = circuit.output(other) if forward else circuit.drive(other)
+        check_status(status, record.kind, first + index, record.inputs)
+        record.results[piece] = circuit.output(other) if forward else circuit.drive(other)
         record.flux_density[piece] = other if forward else core
         record.field[piece] = field
     return state, cycles
 
 
 def initial_state(
-    model: ActuatorRecord, iron: IronOperator, history: History, schedule: float | None
+    model: ModelData, iron: IronOperator, history: History, schedule: float | None
 ) -> FloatArray:
     """Return the state of the iron before the first sample."""
     state = np.zeros(model.states)
@@ -250,27 +250,33 @@ def initial_state(
         return state
     # The exact step does not care how a path is cut: turning points say all.
     points = np.array(history.turning_points)
-    at = None if schedule is None else np.array(history.places(schedule), dtype=np.float64)
+    at = (
+        None
+        if schedule is None
+        else np.array(history.schedule_at_points(schedule), dtype=np.float64)
+    )
     circuit = model.circuit(at, np.zeros(points.shape))
     drive = circuit.magnetomotive(points)
     conditioned: FloatArray
     _, _, conditioned, status, index = iron.forward(drive, circuit.rho, circuit.eddy, state)
-    check(status, "turning point", index, points)
+    check_status(status, "turning point", index, points)
     return conditioned
 
 
-def _step(iron: IronOperator, kind: Given) -> _Step:
+def _step(iron: IronOperator, kind: InputKind) -> _Step:
     step: _Step = iron.forward if kind == "drive" else iron.inverse
     return step
 
 
 def _settle(
-    iron: IronOperator, record: _Record, run: slice, start: FloatArray
+    iron: IronOperator, record: _RecordRun, run: slice, start: FloatArray
 ) -> tuple[FloatArray, int]:
     """Repeat a cycle until the state returns."""
     kind, circuit = record.kind, record.circuit(run)
-    around = (record.core(run, circuit), circuit.rho, circuit.eddy)
-    state, cycles, status = iron.settle(*around, start, kind == "demand", MOST_CYCLES, CLOSED)
+    around = (record.core_input(run, circuit), circuit.rho, circuit.eddy)
+    state, cycles, status = iron.settle(
+        *around, start, kind == "demand", MAX_CYCLES, CYCLE_TOLERANCE
+    )
     if status == NOT_SETTLED:
         raise NegativeResult(
             f"the {kind} was repeated {cycles} times and the cycle still does not close: "
@@ -279,7 +285,7 @@ def _settle(
         )
     if status != OK:  # once more, to see where
         *_, again, index = _step(iron, kind)(*around, start)
-        check(again or status, kind, run.start + index, record.inputs)
+        check_status(again or status, kind, run.start + index, record.inputs)
     return state, cycles
 
 
@@ -293,7 +299,7 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
             name, f"has shape {array.shape}; give one row of samples", code="wrong-shape"
         )
     if size is not None and array.size != size:
-        text = f"has {count_of(array.size, 'sample')} for {size}; give one for each"
+        text = f"has {count_text(array.size, 'sample')} for {size}; give one for each"
         raise wrong_key(name, text, code="length-differs")
     finite = np.isfinite(array)
     if not finite.all():
@@ -302,20 +308,20 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
     return array
 
 
-def as_history(history: HistoryLike | None, model: ActuatorRecord) -> History:
+def as_history(history: HistoryLike | None, model: ModelData) -> History:
     """Return the history that a call asks for, or that of the model."""
     return model.history if history is None else History.of(history)
 
 
-def eddy_rate(model: ActuatorRecord, time: ArrayLike | None, size: int) -> FloatArray | None:
+def eddy_rate(model: ModelData, time: ArrayLike | None, size: int) -> FloatArray | None:
     """Return 1/dt of each sample, 1/s (0 for the first); None for a model without eddy currents."""
     if not model.has_eddy_currents:
         return None
-    steps = np.diff(_clock(time, size, "eddy currents (gamma)"))
+    steps = np.diff(_require_times(time, size, "eddy currents (gamma)"))
     return np.concatenate([[0.0], 1.0 / steps])
 
 
-def check(status: int, name: str, index: int, values: FloatArray) -> None:
+def check_status(status: int, name: str, index: int, values: FloatArray) -> None:
     """Turn a return code of the core into an error that names the sample."""
     if status == OK:
         return
@@ -325,14 +331,14 @@ def check(status: int, name: str, index: int, values: FloatArray) -> None:
     raise error
 
 
-def _runs(model: ActuatorRecord, schedule: FloatArray | None, size: int) -> Iterator[slice]:
+def _split_runs(model: ModelData, schedule: FloatArray | None, size: int) -> Iterator[slice]:
     """Cut a record where it cannot be run through: only where the iron itself would change."""
-    if schedule is None or not model.fixed_gap_only:
+    if schedule is None or not model.needs_fixed_gap:
         yield slice(0, size)
         return
     edges = np.concatenate([[0], np.flatnonzero(np.diff(schedule)) + 1, [size]])
     lengths = np.diff(edges)
-    if len(lengths) > 1 and lengths.min() < SHORTEST_RUN:
+    if len(lengths) > 1 and lengths.min() < MIN_RUN_SAMPLES:
         raise InputError(
             f"the schedule moves at sample {int(edges[1])}, but in this model (gap map 'free') the "
             f"iron itself varies with it ({', '.join(model.varying)}): run each value by itself, "

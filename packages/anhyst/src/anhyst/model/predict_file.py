@@ -14,20 +14,20 @@ from numpy.typing import NDArray
 
 from anhyst.data.formats.channels import Texts
 from anhyst.data.formats.text import write_csv
-from anhyst.data.joining import IN_ONE_RUN, one_after_another
+from anhyst.data.joining import NESTED_LOOPS_NOTE, add_earlier_loops
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import OUTPUT_MAPS, full_scale, name_full_scale
 from anhyst.data.path import SETTLED, History, HistoryLike, history_text
 from anhyst.data.table import DataTable, check_source, read_columns
-from anhyst.model.actuator import Model, model_from
-from anhyst.model.predict import SHORTEST_RUN, SampleError, run_through
-from anhyst.model.prediction import Given, flag
+from anhyst.model.actuator import Model, resolve_model
+from anhyst.model.predict import MIN_RUN_SAMPLES, SampleError, run_record
+from anhyst.model.prediction import InputKind, flag_samples
 from anhyst.support.atomic import PathLike, check_path, check_writable
 from anhyst.support.errors import InputError, NegativeResult, wrong_type
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, range_text
-from anhyst.support.wording import worded
+from anhyst.support.wording import word_for_reader
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 
 Rows = NDArray[np.intp]
 Direction = Literal["predict", "invert"]
-GIVEN: Mapping[Direction, Given] = {"predict": "drive", "invert": "demand"}
+INPUT_KINDS: Mapping[Direction, InputKind] = {"predict": "drive", "invert": "demand"}
 """What the two verbs are given, as their argument is called."""
-_WANTED = "a file, Loops, a data frame or a dict of arrays"
+_SOURCE_KINDS = "a file, Loops, a data frame or a dict of arrays"
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class RunSummary(Result):
     def to_columns(self) -> dict[str, Any]:
         """Return the columns that were read, the computed one and ``valid``."""
         return {
-            name: column.rows() if isinstance(column, Texts) else column
+            name: column.as_list() if isinstance(column, Texts) else column
             for name, column in self.columns.items()
         }
 
@@ -147,18 +147,18 @@ def run_file(
     if isinstance(source, Loops):
         source = source.to_columns()
     if isinstance(source, Model | list | tuple):
-        raise wrong_type(f"{direction}: {GIVEN[direction]}", _WANTED, source)
-    check_source(source, f"{direction}: {GIVEN[direction]}", _WANTED)
+        raise wrong_type(f"{direction}: {INPUT_KINDS[direction]}", _SOURCE_KINDS, source)
+    check_source(source, f"{direction}: {INPUT_KINDS[direction]}", _SOURCE_KINDS)
     if out is not None:
         check_path(out, f"{direction}: out")
         paths = [path for path in (model, source) if isinstance(path, str | os.PathLike)]
-        check_writable(out, reads=paths)
-    model = model_from(model, direction)
+        check_writable(out, input_files=paths)
+    model = resolve_model(model, direction)
     table = read_columns(source, columns, progress, scale, flip)
     past = history_text(model.history if history is None else history)
-    answers, valid, runs, warnings = _compute(model, direction, table, past)
+    answers, valid, runs, warnings = _compute_runs(model, direction, table, past)
     answer = model.output if direction == "predict" else model.input
-    name, computed = _completed(table, answer, answers, valid)
+    name, computed = _add_computed_columns(table, answer, answers, valid)
     if out is not None:
         write_csv(out, computed)
     return RunSummary(
@@ -172,59 +172,59 @@ def run_file(
         high=float(answers.max()),
         outside=int((~valid).sum()),
         deviation=_deviation(table, answer, answers, runs),
-        warnings=tuple(map(worded, warnings)),
+        warnings=tuple(map(word_for_reader, warnings)),
         columns=computed,
     )
 
 
-def _compute(
+def _compute_runs(
     model: Model, direction: Direction, table: DataTable, history: str
 ) -> tuple[FloatArray, NDArray[np.bool_], list[Rows], tuple[str, ...]]:
     """Compute all runs of a table: the answers, where they are valid, the runs, the warnings."""
-    forward, kind = direction == "predict", GIVEN[direction]
+    forward, kind = direction == "predict", INPUT_KINDS[direction]
     quantity = model.input if forward else model.output
-    values = table.need(_named(table, quantity), quantity.column)
+    values = table.require(_column_name(table, quantity), quantity.column)
     schedule = None if model.schedule is None else table.get(model.schedule.name)
     if schedule is None and model.schedule is not None:
         try:
             model.schedule_or_default(None)
         except InputError as error:
             raise InputError(
-                f"{table.path}: {error}{table.hint(model.schedule.name)}",
+                f"{table.path}: {error}{table.advise_mapping(model.schedule.name)}",
                 code=error.code,
                 key=error.key,
             ) from None
     # A column of time that nothing needs may be as it likes.
     time = table.get("time") if model.needs_time else None
     runs = _find_runs(table, schedule, settled=history.startswith("settled"))
-    pasts = _pasts(model, direction, table, runs, values, schedule, history)
+    pasts = _find_histories(model, direction, table, runs, values, schedule, history)
     answers, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
     notes: Counter[str] = Counter()
     for rows, past in zip(runs, pasts, strict=True):
         at, clock = (None if c is None else c[rows] for c in (schedule, time))
         try:
-            result = run_through(model, kind, values[rows], at, clock, past)
+            result = run_record(model, kind, values[rows], at, clock, past)
         except SampleError as error:
             raise InputError(
-                f"{table.where(int(rows[error.sample]))}: {quantity.name.replace('_', ' ')} "
+                f"{table.locate_row(int(rows[error.sample]))}: {quantity.name.replace('_', ' ')} "
                 f"{error.what}; stay nearer to the valid range of the model",
                 code="sample-refused",
             ) from error
         except (InputError, NegativeResult) as error:
             where = "" if rows.size == values.size else f": rows from {rows[0] + 1}"
-            raise error.at(f"{table.path}{where}") from error
+            raise error.with_location(f"{table.path}{where}") from error
         answers[rows] = result.output if forward else result.drive
         reachable[rows] = result.reachable
         notes.update(result.notes)
     drive, output = (values, answers) if forward else (answers, values)
-    valid, flags = flag(model, kind, drive, output, schedule, reachable, rows=True)
+    valid, flags = flag_samples(model, kind, drive, output, schedule, reachable, rows=True)
     count = len(runs)
     lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
-    lines += [IN_ONE_RUN] if any(past != pasts[0] for past in pasts) else []
+    lines += [NESTED_LOOPS_NOTE] if any(past != pasts[0] for past in pasts) else []
     return answers, valid, runs, (*flags, *lines)
 
 
-def _pasts(
+def _find_histories(
     model: Model,
     direction: Direction,
     table: DataTable,
@@ -235,7 +235,10 @@ def _pasts(
 ) -> list[History]:
     """Say what was before each run: settled ones that the file shows to lie one within the other."""
     past = History.parse(history)
-    measured, time = _measured(table, _named(table, model.output)), _measured(table, "time")
+    measured, time = (
+        _read_measured(table, _column_name(table, model.output)),
+        _read_measured(table, "time"),
+    )
     if past != SETTLED or direction == "invert" or measured is None or time is None:
         return [past] * len(runs)
     loops = []
@@ -246,19 +249,19 @@ def _pasts(
     except InputError:  # a run that is no loop
         return [past] * len(runs)
     is_gap = model.schedule is not None and model.schedule.name == "gap"
-    return [loop.history for loop in one_after_another(loops, over_gaps=is_gap)]
+    return [loop.history for loop in add_earlier_loops(loops, across_gaps=is_gap)]
 
 
-def _named(table: DataTable, quantity: Quantity) -> str:
+def _column_name(table: DataTable, quantity: Quantity) -> str:
     """Name of a quantity in a table, where what is magnetised has another one than what is not."""
     names = {quantity.name} | {
-        name for name, kind in OUTPUT_MAPS.items() if kind.magnetised == quantity.name
+        name for name, kind in OUTPUT_MAPS.items() if kind.magnetised_name == quantity.name
     }
     held = {header.quantity.name for header in table.headers if header.quantity is not None}
     return next((name for name in sorted(names) if name in held), quantity.name)
 
 
-def _measured(table: DataTable, name: str) -> FloatArray | None:
+def _read_measured(table: DataTable, name: str) -> FloatArray | None:
     try:
         return table.get(name)
     except InputError:  # a column that nobody asked for may be as it likes
@@ -269,22 +272,24 @@ def _find_runs(table: DataTable, schedule: FloatArray | None, *, settled: bool) 
     """Rows of each run, in their order."""
     for header, column in zip(table.headers, table.columns, strict=True):
         if header.is_label and isinstance(column, Texts):
-            return [run for rows in column.groups() for run in _by_value(schedule, rows)]
+            return [
+                run for rows in column.rows_by_text() for run in _split_by_schedule(schedule, rows)
+            ]
     everything = np.arange(len(table))
-    return _by_value(schedule, everything) if settled else [everything]
+    return _split_by_schedule(schedule, everything) if settled else [everything]
 
 
-def _by_value(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
+def _split_by_schedule(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
     """Cut rows where the scheduling variable steps; one that moves stays whole."""
     if schedule is None:
         return [rows]
     steps = np.flatnonzero(np.diff(schedule[rows])) + 1
-    if not steps.size or rows.size < SHORTEST_RUN * (steps.size + 1):
+    if not steps.size or rows.size < MIN_RUN_SAMPLES * (steps.size + 1):
         return [rows]
     return np.split(rows, steps)
 
 
-def _completed(
+def _add_computed_columns(
     table: DataTable, quantity: Quantity, answer: FloatArray, valid: NDArray[np.bool_]
 ) -> tuple[str, dict[str, Any]]:
     """Return the header of the computed column, and the columns of the table with those computed."""
@@ -304,7 +309,7 @@ def _completed(
 def _deviation(
     table: DataTable, quantity: Quantity, predicted: FloatArray, runs: list[Rows]
 ) -> Deviation | None:
-    measured = _measured(table, _named(table, quantity))
+    measured = _read_measured(table, _column_name(table, quantity))
     if measured is None:
         return None
     apart = np.abs(predicted - measured)

@@ -11,31 +11,31 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anhyst.data.path import History
-from anhyst.model.record import ActuatorRecord
+from anhyst.model.model_data import ModelData
 from anhyst.support.errors import ImplausibleWarning
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, few, length_scale, range_text
-from anhyst.support.units import DIMENSIONS, UNITS, Quantity
-from anhyst.support.wording import count_of
+from anhyst.support.result import Result, length_scale, range_text, thinning_slice
+from anhyst.support.units import QUANTITY_DIMENSIONS, UNITS, Quantity
+from anhyst.support.wording import count_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 BoolArray = NDArray[np.bool_]
-Given = Literal["drive", "demand"]
+InputKind = Literal["drive", "demand"]
 
 GIVEN_MARGIN = 1e-9
 COMPUTED_MARGIN = 0.02
 """What a value may exceed the valid range by, in parts of the range, and count as inside. A
 computed one gets more: the model of the largest measured loop does not end on its largest sample.
 """
-FAR = 20.0
+UNIT_ERROR_RATIO = 20.0
 """Times the largest value a model knows from which the unit is likely wrong."""
 
 
-def flag(
-    model: ActuatorRecord,
-    kind: Given,
+def flag_samples(
+    model: ModelData,
+    kind: InputKind,
     drive: FloatArray,
     output: FloatArray,
     schedule: FloatArray | None,
@@ -45,7 +45,7 @@ def flag(
     """Flag samples outside the valid range, and say so."""
     valid, flags = reachable.copy(), []
     if not reachable.all():
-        flags.append(_sentence(reachable, output, model.output.unit, rows, _UNREACHABLE))
+        flags.append(_describe_samples(reachable, output, model.output.unit, rows, _UNREACHABLE))
     if model.valid is None:
         flags.append("the model does not say where it holds (no [valid]): nothing could be checked")
         return valid, tuple(flags)
@@ -56,7 +56,7 @@ def flag(
         (model.schedule, schedule, model.valid.schedule),
     )
     far = {
-        quantity: far_outside(quantity, values, limits)
+        quantity: describe_far_value(quantity, values, limits)
         for quantity, values, limits in ranges
         if quantity is not computed
     }
@@ -74,12 +74,12 @@ def flag(
                 f"lie outside the valid range of {quantity.name.replace('_', ' ')}, {low:g} to "
                 f"{high:g} {quantity.unit}"
             )
-            text = _sentence(inside, values, quantity.unit, rows, what)
+            text = _describe_samples(inside, values, quantity.unit, rows, what)
             flags.append(": ".join(filter(None, (text, far.get(quantity)))))
     return valid, tuple(flags)
 
 
-def far_outside(
+def describe_far_value(
     quantity: Quantity | None, values: FloatArray | None, limits: tuple[float, float] | None
 ) -> str:
     """Say how far values lie outside a range, if that is more than anybody would want."""
@@ -88,14 +88,14 @@ def far_outside(
     name, unit = quantity.name.replace("_", " "), quantity.unit
     largest = max(map(abs, limits))
     most = float(values[np.argmax(np.abs(values))])
-    if abs(most) > FAR * largest > 0.0:
+    if abs(most) > UNIT_ERROR_RATIO * largest > 0.0:
         times = abs(most) / largest
         text = f"{name} {most:g} {unit} is {times:.3g} times the largest {name} the model knows"
         near = likely_unit(quantity, times)
         return f"{text}; given in {near}?" if near else text
     least = float(np.abs(values).min())
     # Only a gap is never near zero by intention.
-    if quantity.name == "gap" and 0.0 < FAR * least < min(limits):
+    if quantity.name == "gap" and 0.0 < UNIT_ERROR_RATIO * least < min(limits):
         times = min(limits) / least
         return (
             f"{name} {least:g} {unit} is {times:.3g} times less than the smallest {name} the model "
@@ -106,7 +106,7 @@ def far_outside(
 
 def likely_unit(quantity: Quantity, times: float) -> str:
     """Name the thousandth or millionth of the SI unit that fits a factor; empty if none does."""
-    dimension = DIMENSIONS.get(quantity.name, quantity.name)
+    dimension = QUANTITY_DIMENSIONS.get(quantity.name, quantity.name)
     parts = (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02)
     nearest = min(
         (unit for unit in parts if round(math.log10(unit.scale), 9) % 3.0 == 0.0),
@@ -119,7 +119,7 @@ def likely_unit(quantity: Quantity, times: float) -> str:
 
 
 def warn_if_far(
-    model: ActuatorRecord, quantity: Quantity, values: FloatArray, schedule: ArrayLike | None
+    model: ModelData, quantity: Quantity, values: FloatArray, schedule: ArrayLike | None
 ) -> None:
     """Warn a caller in Python, once a call, of values whose unit is likely wrong."""
     if model.valid is None:
@@ -127,8 +127,8 @@ def warn_if_far(
     limits = model.valid.input if quantity is model.input else model.valid.output
     at = None if schedule is None else np.atleast_1d(np.asarray(schedule, dtype=np.float64))
     far = (
-        far_outside(model.schedule, at, model.valid.schedule),
-        far_outside(quantity, values, limits),
+        describe_far_value(model.schedule, at, model.valid.schedule),
+        describe_far_value(quantity, values, limits),
     )
     text = "; ".join(filter(None, far))
     if text:
@@ -138,7 +138,7 @@ def warn_if_far(
 _UNREACHABLE = "demand less than any drive can give"
 
 
-def _sentence(good: BoolArray, values: FloatArray, unit: str, rows: bool, what: str) -> str:
+def _describe_samples(good: BoolArray, values: FloatArray, unit: str, rows: bool, what: str) -> str:
     first = int(np.argmin(good))
     where = f"row {first + 1}" if rows else f"sample {first}"
     return (
@@ -204,7 +204,7 @@ class Prediction(Result):
             drive.name: range_text(self.drive.min(), self.drive.max(), drive.unit),
             answer.name: range_text(self.output.min(), self.output.max(), answer.unit),
             "history": str(self.history),
-            "outside the valid range": count_of(int((~self.valid).sum()), "sample"),
+            "outside the valid range": count_text(int((~self.valid).sum()), "sample"),
         }
 
     def to_columns(self) -> dict[str, Any]:
@@ -223,7 +223,7 @@ class Prediction(Result):
         """Draw output over drive."""
         drive, answer = self.quantities
         scale, label = length_scale(answer)
-        every = few(self.drive.size)
+        every = thinning_slice(self.drive.size)
         ax.plot(self.drive[every], scale * self.output[every], lw=1.1)
         ax.set_xlabel(drive.label)
         ax.set_ylabel(label)

@@ -12,21 +12,21 @@ import numpy as np
 from pydantic import ValidationError
 
 from anhyst.data.path import History
-from anhyst.laws import LAWS, law_of
+from anhyst.laws import LAWS, get_law
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import Law
 from anhyst.model import schema
 from anhyst.model.dynamics import Dynamics, Layers
+from anhyst.model.model_data import ModelData
 from anhyst.model.parameters import Parameter, find_problems
-from anhyst.model.record import ActuatorRecord
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import MODEL
-from anhyst.support.toml_file import Advice, TomlFile, check_kind, explain
-from anhyst.support.toml_text import Path as KeyPath
+from anhyst.support.kinds import MODEL_FILE
+from anhyst.support.toml_file import Advice, TomlFile, check_kind, explain_finding
+from anhyst.support.toml_text import KeyPath
 from anhyst.support.units import QUANTITIES, Quantity, find_unit
 
-Record = TypeVar("Record", bound=ActuatorRecord)
+Record = TypeVar("Record", bound=ModelData)
 
 
 def read_as(path: PathLike, kind: type[Record]) -> Record:
@@ -43,12 +43,12 @@ class _Reader:
 
     def read(self, kind: type[Record]) -> Record:
         content = self.file.content
-        check_kind(self.file, [MODEL])
+        check_kind(self.file, [MODEL_FILE])
         if (version := content.get("version")) != schema.VERSION:
             text = f"is {version!r}, but this anhyst reads version {schema.VERSION}; update anhyst"
             if version is None:
                 text = f"is missing; a file of this anhyst says version = {schema.VERSION}"
-            self.file.add(("version",), text, code="wrong-version")
+            self.file.add_problem(("version",), text, code="wrong-version")
         self._stop_if_wrong()
         drive, answer, schedule = (
             self._quantity(content, key) for key in ("input", "output", "schedule")
@@ -62,7 +62,7 @@ class _Reader:
         cells = self._cells(content)
         if law is not None and cells is not None:
             with self._collecting("cells"):
-                law = law_of(law.name, cells)
+                law = get_law(law.name, cells)
             self._stop_if_wrong()
         self.names = schema.section_names(law, drive, answer, schedule)
         self._strip_units(content, ())
@@ -95,7 +95,7 @@ class _Reader:
                 f"must be {len(table.thresholds)} rows of {len(table.widths)}, one row for each "
                 "threshold and one column for each width"
             )
-            self.file.add(self._file_path(("cells", "weights")), text, code="wrong-shape")
+            self.file.add_problem(self._file_path(("cells", "weights")), text, code="wrong-shape")
             self._stop_if_wrong()
         thresholds, widths, weights = map(np.array, (table.thresholds, table.widths, table.weights))
         centres, cells = None if table.centres is None else np.array(table.centres), None
@@ -111,16 +111,18 @@ class _Reader:
             yield
         except InputError as error:
             text = str(error).removeprefix(f"model {key}: ")
-            self.file.add((key, error.key) if key == "layers" else (key,), text, code=error.code)
+            self.file.add_problem(
+                (key, error.key) if key == "layers" else (key,), text, code=error.code
+            )
         except ValueError as error:
-            self.file.add((key,), str(error), code="cells-out-of-range")
+            self.file.add_problem((key,), str(error), code="cells-out-of-range")
 
     def _quantity(self, content: dict[str, Any], key: str) -> Quantity | None:
         written = content.get(key)
         if written is None and key == "schedule":
             return None
         if written is None:
-            self.file.add((key,), "is missing; add this table", code="missing")
+            self.file.add_problem((key,), "is missing; add this table", code="missing")
             return None
         if isinstance(written, dict):
             written = {k: v for k, v in written.items() if k in schema.QuantityTable.model_fields}
@@ -135,10 +137,10 @@ class _Reader:
         symbol = usual.unit if usual else unit.si if unit else None
         if symbol is None:
             text = f"unknown unit {quantity.unit!r}; write an SI unit"
-            self.file.add((key, "unit"), text, code="unknown-unit")
+            self.file.add_problem((key, "unit"), text, code="unknown-unit")
         elif quantity.unit != symbol:
             text = f"is {quantity.unit!r}; model files are in SI, write {symbol!r}"
-            self.file.add((key, "unit"), text, code="unit-not-si")
+            self.file.add_problem((key, "unit"), text, code="unit-not-si")
         return quantity
 
     def _strip_units(self, table: Any, at: KeyPath) -> None:
@@ -153,18 +155,20 @@ class _Reader:
         for key in list(table):
             if key in fields:
                 table[fields[key]] = table.pop(key)
-            elif field := schema.meant(key, names):
+            elif field := schema.find_field(key, names):
                 text = f"its unit must stand in the key; write {names[field][1]}"
-                self.file.add((*at, key), text, code="unit-missing")
+                self.file.add_problem((*at, key), text, code="unit-missing")
                 table[field] = table.pop(key)
         for key, value in table.items():
             self._strip_units(value, (*at, key))
 
     def _collect(self, error: ValidationError, at: tuple[str, ...] = ()) -> None:
-        self.file.collect(error, self._advice, lambda location: self._file_path((*at, *location)))
+        self.file.add_findings(
+            error, self._advice, lambda location: self._file_path((*at, *location))
+        )
 
     def _advice(self, path: KeyPath, finding: Any) -> Advice:
-        plain = explain(finding)
+        plain = explain_finding(finding)
         if plain.code != "extra-forbidden":
             return plain
         known = [key for _, key in self._names_in(path[:-1]).values()]
@@ -196,14 +200,14 @@ class _Reader:
         places = {"gap_map": ("gap_map",), "nodes": ("schedule", "nodes")}
         for problem in find_problems(law, values, nodes, content["gap_map"]):
             place = places.get(problem.key, ("parameters", problem.key))
-            self.file.add(self._file_path(place), problem.text, code=problem.code)
+            self.file.add_problem(self._file_path(place), problem.text, code=problem.code)
         for key, pair in content.get("valid", {}).items():
             if pair[0] > pair[1]:
                 text = "the first must not exceed the second"
-                self.file.add(self._file_path(("valid", key)), text, code="range-reversed")
+                self.file.add_problem(self._file_path(("valid", key)), text, code="range-reversed")
         if "schedule" in content.get("valid", {}) and "schedule" not in content:
             text = "has a range of a scheduling variable that there is not"
-            self.file.add(("valid",), text, code="no-schedule")
+            self.file.add_problem(("valid",), text, code="no-schedule")
         if (unsure := content.get("uncertainty")) is not None:
             self._check_lengths(unsure)
 
@@ -217,7 +221,7 @@ class _Reader:
         ):
             if set(sizes) != {count}:
                 text = f"must hold one entry for each of {count} names"
-                self.file.add(("uncertainty", key), text, code="length-differs")
+                self.file.add_problem(("uncertainty", key), text, code="length-differs")
 
     def _build(
         self,
@@ -262,11 +266,11 @@ class _Reader:
             layers=layers,
         )
         with self._collecting("parameters"):
-            for node in model.nodes if model.fixed_gap_only else (None,):
+            for node in model.nodes if model.needs_fixed_gap else (None,):
                 model.iron_at(node)
         self._stop_if_wrong()
         return model
 
     def _stop_if_wrong(self) -> None:
         if self.file.problems:
-            raise self.file.error()
+            raise self.file.to_error()

@@ -16,20 +16,20 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.special import fdtrc
 
-from anhyst.data.path import branches
-from anhyst.support.numeric import FloatArray, decaying_sum
+from anhyst.data.path import find_branches
+from anhyst.support.numeric import FloatArray, recursive_sum
 
 Shape = Literal["input", "direction", "gap", "amplitude", "start", "drift"]
 
-_CURVE = 7
+_CURVE_DEGREE = 7
 """Degree in the input of what is common to all loops."""
-_WIDTH = 5
+_WIDTH_DEGREE = 5
 """Degree in the input of the difference of the directions."""
-_LEVEL = 2
+_LEVEL_DEGREE = 2
 """Degree in the input of what each gap, or each size of loop, has for itself."""
-_DECAYS = (1, 2, 4)
+_DECAY_POWERS = (1, 2, 4)
 """Powers of what is left of the first branch: a wrong start fades along it."""
-_NOTHING = 1e-6
+_MIN_INDEPENDENT_SHARE = 1e-6
 """Part of a column that others leave of it, below which it says nothing of its own."""
 
 
@@ -39,17 +39,19 @@ class Residual:
 
     drive: FloatArray  # shape (n,): input, measured output, and modelled minus measured output, SI
     measured: FloatArray
-    off: FloatArray
+    deviation: FloatArray
     gap: int  # place of its scheduling value
-    settled: bool  # whether the record is a cycle to be repeated until it closes
+    is_cycle: bool  # whether the record is a cycle to be repeated until it closes
 
-    def every(self, step: int) -> Residual:
+    def every_nth(self, step: int) -> Residual:
         """Take every so manieth sample."""
-        drive, measured, off = (each[::step] for each in (self.drive, self.measured, self.off))
-        return Residual(drive, measured, off, self.gap, self.settled)
+        drive, measured, off = (
+            each[::step] for each in (self.drive, self.measured, self.deviation)
+        )
+        return Residual(drive, measured, off, self.gap, self.is_cycle)
 
 
-def _path(record: Residual) -> FloatArray:
+def _branch_positions(record: Residual) -> FloatArray:
     """Return where the samples of a record lie on its branches, shape (4, samples).
 
     The rows: 1 where the input rises and -1 where it falls; the place on the branch, -1 at its
@@ -57,28 +59,30 @@ def _path(record: Residual) -> FloatArray:
     left of the first branch, from 1 to 0, and 0 after it.
     """
     drive = record.drive
-    parts = branches(drive)
+    parts = find_branches(drive)
     rising, along, reach = np.ones(drive.size), np.zeros(drive.size), np.ones(drive.size)
     for part in parts:
         piece = drive[part.rows]
         half = max(0.5 * float(np.ptp(piece)), 1e-300)
-        rising[part.rows] = 1.0 if part.rising else -1.0
+        rising[part.rows] = 1.0 if part.is_rising else -1.0
         along[part.rows] = (piece - float(piece.min())) / half - 1.0
         reach[part.rows] = half
     ahead = np.zeros(drive.size)
-    if not record.settled or len(parts) > 2:
+    if not record.is_cycle or len(parts) > 2:
         first = parts[0].rows
         ahead[first] = 0.5 * (1.0 - rising[first] * along[first])
     return np.stack([rising, along, reach, ahead])
 
 
-def shapes_of(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
+def shape_columns(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
     """Columns of each cause, shape (samples, ..), records one after the other.
 
     Where a cause may act alike on all gaps or in proportion to their outputs, both are given. What
     differs from gap to gap, or from size to size, is that alone: without what is common to all.
     """
-    rising, along, reach, ahead = np.concatenate([_path(record) for record in records], axis=1)
+    rising, along, reach, ahead = np.concatenate(
+        [_branch_positions(record) for record in records], axis=1
+    )
     drive = np.concatenate([record.drive for record in records])
     middle, half = 0.5 * float(drive.max() + drive.min()), 0.5 * float(np.ptp(drive))
     x = (drive - middle) / max(half, 1e-300)
@@ -89,9 +93,9 @@ def shapes_of(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
         span[record.gap] = max(span[record.gap], float(np.max(np.abs(record.measured))))
     own = (span / max(float(span.max()), 1e-300))[gap][:, None]
     scales: list[FloatArray | float] = [1.0, own] if span.size > 1 else [1.0]
-    curve = legvander(x, _CURVE)
-    width = rising[:, None] * np.hstack([legvander(x, _WIDTH), legvander(along, 3)])
-    fading = ahead[:, None] ** np.array(_DECAYS)
+    curve = legvander(x, _CURVE_DEGREE)
+    width = rising[:, None] * np.hstack([legvander(x, _WIDTH_DEGREE), legvander(along, 3)])
+    fading = ahead[:, None] ** np.array(_DECAY_POWERS)
     common = np.hstack([curve, width])
     within = np.concatenate([np.linspace(-1.0, 1.0, size) for size in sizes])
     whole = np.linspace(-1.0, 1.0, sum(sizes))
@@ -103,41 +107,45 @@ def shapes_of(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
     if np.any(ahead):
         shapes["start"] = [scale * fading for scale in scales]
     if span.size > 1:
-        shapes["gap"] = [without(_by_gap(records, gap, x), common)]
+        shapes["gap"] = [remove_explained(_columns_by_gap(records, gap, x), common)]
     if np.ptp(reach) > 0.1 * float(reach.max()):
-        shapes["amplitude"] = [without(_by_reach(reach, along, rising), common)]
+        shapes["amplitude"] = [
+            remove_explained(_columns_by_branch_size(reach, along, rising), common)
+        ]
     return shapes
 
 
-def _by_gap(records: Sequence[Residual], gap: FloatArray, x: FloatArray) -> FloatArray:
+def _columns_by_gap(records: Sequence[Residual], gap: FloatArray, x: FloatArray) -> FloatArray:
     """Level, bend and gain of each gap."""
     # Of the modelled output: the measured one has the noise in it, and would explain that.
-    output = np.concatenate([record.measured + record.off for record in records])
+    output = np.concatenate([record.measured + record.deviation for record in records])
     gain = output / max(float(np.abs(output).max()), 1e-300)
-    shared = np.column_stack([legvander(x, _LEVEL), gain])
+    shared = np.column_stack([legvander(x, _LEVEL_DEGREE), gain])
     return np.hstack([(gap == node)[:, None] * shared for node in np.unique(gap)])
 
 
-def _by_reach(reach: FloatArray, along: FloatArray, rising: FloatArray) -> FloatArray:
+def _columns_by_branch_size(
+    half_span: FloatArray, along: FloatArray, rising: FloatArray
+) -> FloatArray:
     """Level, bend and width that go with the size of a branch."""
-    size = reach / float(reach.max())
-    shared = legvander(along, _LEVEL)
+    size = half_span / float(half_span.max())
+    shared = legvander(along, _LEVEL_DEGREE)
     both = np.hstack([shared, rising[:, None] * shared])
     return np.hstack([size[:, None] * both, size[:, None] ** 2 * both])
 
 
-def basis(columns: FloatArray) -> FloatArray:
+def orthonormal_basis(columns: FloatArray) -> FloatArray:
     """Orthonormal columns that span the same; what is no direction of its own is left out."""
     sizes = np.sqrt(np.einsum("nk,nk->k", columns, columns))
     kept = columns[:, sizes > 0.0] / sizes[sizes > 0.0]
     strength, ways = np.linalg.eigh(kept.T @ kept)
-    good = strength > _NOTHING * strength.max(initial=1e-300)
+    good = strength > _MIN_INDEPENDENT_SHARE * strength.max(initial=1e-300)
     return np.ascontiguousarray(kept @ (ways[:, good] / np.sqrt(strength[good])))
 
 
-def without(columns: FloatArray, others: FloatArray) -> FloatArray:
+def remove_explained(columns: FloatArray, others: FloatArray) -> FloatArray:
     """Take off columns what others explain of them; those that are nothing but this are left out."""
-    span = basis(others)
+    span = orthonormal_basis(others)
     left = columns - span @ (span.T @ columns)
     before = np.einsum("nk,nk->k", columns, columns)
     after = np.einsum("nk,nk->k", left, left)
@@ -145,83 +153,92 @@ def without(columns: FloatArray, others: FloatArray) -> FloatArray:
     return kept
 
 
-_UNLIKELY = 1e-3
+_MAX_CHANCE_PROBABILITY = 1e-3
 """Chance of what is taken for more than noise."""
-_UNSURE = 2.5
+_MAX_ADDED_SIGMAS = 2.5
 """Standard errors by which the noise may go together more than it seems to."""
-_CHANCE = 0.5
+_FREE_SIGMAS = 0.5
 """Standard errors up to which it is taken to be as it seems."""
-_FEWEST = 8.0
+_MIN_DEGREES_OF_FREEDOM = 8.0
 """Degrees of freedom that the variance of the slowest noise is still given."""
-_GRID = np.array([0.0, 0.2, 0.4, 0.6, 0.75, 0.85, 0.92, 0.96, 0.98])
+_CORRELATION_GRID = np.array([0.0, 0.2, 0.4, 0.6, 0.75, 0.85, 0.92, 0.96, 0.98])
 
 
 @dataclass(frozen=True, eq=False)
-class Coloured:
+class ColouredNoise:
     """Noise in records of some sizes: its variance, how much each sample goes with the last."""
 
     sizes: tuple[int, ...]
     variance: float
-    with_last: float
-    free: float
+    correlation: float
+    degrees_of_freedom: float
 
-    def chance(self, way: FloatArray) -> float:
+    def expected_squares(self, way: FloatArray) -> float:
         """Sum of squares that orthonormal columns explain of it by chance."""
-        smooth = _smoothed(way, self.with_last, self.sizes)
+        smooth = _apply_correlation(way, self.correlation, self.sizes)
         return self.variance * float(np.einsum("nk,nk->", way, smooth))
 
-    def is_chance(self, squares: float, chance: float, columns: int) -> bool:
+    def can_explain(self, squares: float, chance: float, columns: int) -> bool:
         """Whether the noise might have given a sum of squares along some columns."""
-        return float(fdtrc(columns, self.free, squares / max(chance, 1e-300))) > _UNLIKELY
+        return (
+            float(fdtrc(columns, self.degrees_of_freedom, squares / max(chance, 1e-300)))
+            > _MAX_CHANCE_PROBABILITY
+        )
 
 
-def coloured(off: FloatArray, shapes: FloatArray, sizes: Sequence[int]) -> Coloured:
+def estimate_coloured_noise(
+    deviation: FloatArray, shapes: FloatArray, sizes: Sequence[int]
+) -> ColouredNoise:
     """Estimate the noise from what orthonormal shapes do not explain."""
     lengths = tuple(sizes)
-    left = off - shapes @ (shapes.T @ off)
+    left = deviation - shapes @ (shapes.T @ deviation)
     power = max(float(left @ left), 1e-300)
-    seen = float(left @ _neighbours(left, lengths)) / power
-    shifted = _neighbours(shapes, lengths)
+    seen = float(left @ _mean_of_neighbours(left, lengths)) / power
+    shifted = _mean_of_neighbours(shapes, lengths)
     # Products by einsum, on one thread: a library would wait for its others.
     within = np.einsum("nk,nl->kl", shapes, shifted)
 
     def remainder(with_last: float) -> tuple[float, float]:
         """Return the sums of squares, and of products with the sample before, that are left."""
-        smooth = _smoothed(shapes, with_last, lengths)
+        smooth = _apply_correlation(shapes, with_last, lengths)
         inside = np.einsum("nk,nl->kl", shapes, smooth)
         together = (
-            with_last * (off.size - len(lengths))
+            with_last * (deviation.size - len(lengths))
             - 2.0 * float(np.einsum("nk,nk->", shifted, smooth))
             + float(np.einsum("kl,kl->", within, inside))
         )
-        return off.size - float(np.trace(inside)), together
+        return deviation.size - float(np.trace(inside)), together
 
-    expected = [remainder(at) for at in _GRID]
+    expected = [remainder(at) for at in _CORRELATION_GRID]
     ratio = np.maximum.accumulate([together / whole for whole, together in expected])
-    with_last = float(np.interp(seen, ratio, _GRID))
-    free = max(off.size - shapes.shape[1], 2)
+    with_last = float(np.interp(seen, ratio, _CORRELATION_GRID))
+    free = max(deviation.size - shapes.shape[1], 2)
     # Unsure by as much as a correlation is, but for what may as well be white.
     error = float(np.sqrt((1.0 - with_last**2) / free))
-    unsure = min(max(with_last / error - _CHANCE, 0.0), _UNSURE)
-    with_last = min(with_last + unsure * error, float(_GRID[-1]))
+    unsure = min(max(with_last / error - _FREE_SIGMAS, 0.0), _MAX_ADDED_SIGMAS)
+    with_last = min(with_last + unsure * error, float(_CORRELATION_GRID[-1]))
     whole, _ = remainder(with_last)
     slower = (1.0 - with_last**2) / (1.0 + with_last**2)
-    return Coloured(lengths, power / whole, with_last, max(free * slower, _FEWEST))
+    return ColouredNoise(
+        lengths, power / whole, with_last, max(free * slower, _MIN_DEGREES_OF_FREEDOM)
+    )
 
 
-def _smoothed(columns: FloatArray, with_last: float, sizes: tuple[int, ...]) -> FloatArray:
+def _apply_correlation(
+    columns: FloatArray, correlation: float, sizes: tuple[int, ...]
+) -> FloatArray:
     """Columns times the correlations of the noise, record by record."""
-    if with_last == 0.0:
+    if correlation == 0.0:
         return columns
     return np.concatenate(
         [
-            decaying_sum(part, with_last) + decaying_sum(part[::-1], with_last)[::-1] - part
+            recursive_sum(part, correlation) + recursive_sum(part[::-1], correlation)[::-1] - part
             for part in np.split(columns, np.cumsum(sizes)[:-1])
         ]
     )
 
 
-def _neighbours(columns: FloatArray, sizes: tuple[int, ...]) -> FloatArray:
+def _mean_of_neighbours(columns: FloatArray, sizes: tuple[int, ...]) -> FloatArray:
     """Mean of the samples before and after each, nothing beyond the ends of a record."""
     pairs = []
     for part in np.split(columns, np.cumsum(sizes)[:-1]):

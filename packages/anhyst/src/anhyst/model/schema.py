@@ -21,29 +21,33 @@ from anhyst.data.output_map import full_scale, output_map
 from anhyst.data.verdict import largest_output
 from anhyst.laws import LAWS
 from anhyst.laws.law import Law
-from anhyst.model.parameters import specs_of
+from anhyst.model.parameters import parameter_specs
 from anhyst.support.numeric import FloatArray, rms
-from anhyst.support.toml_file import LIST, FileRecord, Table
+from anhyst.support.toml_file import TUPLE_FROM_LIST, FileRecord, Table
 from anhyst.support.units import Quantity
 
-OF_OUTPUT = object()
+OUTPUT_UNIT_MARK = object()
 """Beside the type of a field that is in units of the output: its key in the file carries them."""
 
 FiniteNumber = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Output = Annotated[FiniteNumber, OF_OUTPUT]
+Output = Annotated[FiniteNumber, OUTPUT_UNIT_MARK]
 Whole = Annotated[int, Strict()]
 Truth = Annotated[bool, Strict()]
-Range = Annotated[tuple[FiniteNumber, FiniteNumber], LIST]
-Numbers = Annotated[tuple[FiniteNumber, ...], LIST]
-Texts = Annotated[tuple[str, ...], LIST]
-Unbounded = Annotated[tuple[Annotated[float, Strict()], ...], LIST]
+Range = Annotated[tuple[FiniteNumber, FiniteNumber], TUPLE_FROM_LIST]
+Numbers = Annotated[tuple[FiniteNumber, ...], TUPLE_FROM_LIST]
+Texts = Annotated[tuple[str, ...], TUPLE_FROM_LIST]
+Unbounded = Annotated[tuple[Annotated[float, Strict()], ...], TUPLE_FROM_LIST]
 """Numbers that may be infinite."""
 
 
-def of_output(record: type[FileRecord]) -> list[str]:
+def output_fields(record: type[FileRecord]) -> list[str]:
     """Return the fields of a record that are in units of the output."""
     hints = get_type_hints(record, include_extras=True)
-    return [name for name, hint in hints.items() if OF_OUTPUT in getattr(hint, "__metadata__", ())]
+    return [
+        name
+        for name, hint in hints.items()
+        if OUTPUT_UNIT_MARK in getattr(hint, "__metadata__", ())
+    ]
 
 
 def is_number(value: object) -> bool:
@@ -141,7 +145,7 @@ class FitFigures(FileRecord):
     rms: Output
     worst: Output
     # the same loop by loop
-    loops: Annotated[tuple[LoopFit, ...], LIST, Field(validation_alias="loop")] = ()
+    loops: Annotated[tuple[LoopFit, ...], TUPLE_FROM_LIST, Field(validation_alias="loop")] = ()
     # For each gap map tried, the mean absolute deviation on schedule values that were left out of
     # the fit, relative to the largest output. It chose the map, so it promises too much.
     left_out: Mapping[str, FiniteNumber] = field(default_factory=dict)
@@ -150,7 +154,9 @@ class FitFigures(FileRecord):
     # what to expect at values between those measured; None below three of them
     cross_validation: CrossValidation | None = None
     # the laws that were compared, the simplest first; empty where one was asked for
-    candidates: Annotated[tuple[CandidateFit, ...], LIST, Field(validation_alias="candidate")] = ()
+    candidates: Annotated[
+        tuple[CandidateFit, ...], TUPLE_FROM_LIST, Field(validation_alias="candidate")
+    ] = ()
     # root mean square of what is left that is no noise of the sensors, in parts of the largest
     # output; zero where the fit is done, None where nobody looked
     not_noise: FiniteNumber | None = None
@@ -201,7 +207,7 @@ class Uncertainty(FileRecord):
     values: Unbounded  # estimate and standard deviation, in the unit the name states
     std: Unbounded
     # correlation matrix, one row for each name
-    correlation: Annotated[tuple[Unbounded, ...], LIST] = ()
+    correlation: Annotated[tuple[Unbounded, ...], TUPLE_FROM_LIST] = ()
     statements: Texts = ()  # plain sentences about what the data do not determine
 
 
@@ -225,7 +231,7 @@ class Provenance(FileRecord):
     version: str = ""  # version of anhyst that wrote the model
     seed: Whole | None = None  # seed of the search
     # measurement files with their hashes and column mappings
-    sources: Annotated[tuple[Source, ...], LIST, Field(validation_alias="source")] = ()
+    sources: Annotated[tuple[Source, ...], TUPLE_FROM_LIST, Field(validation_alias="source")] = ()
     settings: Mapping[str, Setting] = field(default_factory=dict)  # settings of the identification
 
 
@@ -240,7 +246,7 @@ def _number(value: Any) -> Any:
 
 
 def _law(name: str) -> str:
-    if why := LAWS.why_unusable(name):
+    if why := LAWS.explain_unusable(name):
         raise PydanticCustomError("unknown_choice", why.replace("{", "(").replace("}", ")"))
     if name not in LAWS:
         known = [repr(law) for law in LAWS]
@@ -324,7 +330,7 @@ def model_table(law: Law | None) -> type[ModelTable]:
         return ModelTable  # which then refuses the law
     fields: dict[str, Any] = {
         spec.name: (Number, ... if spec.default is None else spec.default)
-        for spec in specs_of(law).values()
+        for spec in parameter_specs(law).values()
     }
     parameters = create_model("ParameterTable", __base__=Table, **fields)
     return create_model("ModelTable", __base__=ModelTable, parameters=(parameters, ...))
@@ -365,7 +371,7 @@ def section_names(
     law: Law | None, drive: Quantity, answer: Quantity, schedule: Quantity | None
 ) -> dict[tuple[str, ...], Names]:
     """Return the keys that carry units, table by table (``[[fit.loop]]`` as ``fit, loop``)."""
-    deviations = {name: (name, column(name, answer.unit)) for name in of_output(FitFigures)}
+    deviations = {name: (name, column(name, answer.unit)) for name in output_fields(FitFigures)}
     ranges = {"input": (drive.symbol, drive.column), "output": (answer.symbol, answer.column)}
     nodes: Names = {}
     if schedule is not None:
@@ -390,7 +396,7 @@ def section_names(
     }
 
 
-def meant(key: str, names: Names) -> str | None:
+def find_field(key: str, names: Names) -> str | None:
     """Return the field that a key with a missing or another unit means, if any."""
     for name, (bare, full) in names.items():
         if key == full:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data.path import History, HistoryLike
+from anhyst.model.model_data import ModelData
 from anhyst.model.parameters import Circuit
-from anhyst.model.predict import as_history, as_samples, check, initial_state, run_through
-from anhyst.model.prediction import flag, warn_if_far
-from anhyst.model.record import ActuatorRecord
+from anhyst.model.predict import as_history, as_samples, check_status, initial_state, run_record
+from anhyst.model.prediction import flag_samples, warn_if_far
 from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
 
@@ -43,7 +43,7 @@ class Stepper:
 
     def __init__(
         self,
-        model: ActuatorRecord,
+        model: ModelData,
         schedule: float | None = None,
         history: HistoryLike | None = None,
     ) -> None:
@@ -63,20 +63,20 @@ class Stepper:
             low, high = model.valid.input
             slow = [0.0, 1e9, 2e9]  # eddy currents do not count
             cycle = [low, high, low]
-            self._state = run_through(model, "drive", cycle, schedule, slow, "settled").state
+            self._state = run_record(model, "drive", cycle, schedule, slow, "settled").state
         else:
             self._state = initial_state(model, self._iron, past, self._schedule)
         self._output: float | None = None
         # schedule, step and whether it had begun, and the circuit there: that of the last step
-        self._around: tuple[float, float | None, bool, Circuit] | None = None
+        self._circuit_cache: tuple[float, float | None, bool, Circuit] | None = None
         late = model.dynamics
-        self._late = late if late is not None and late.times else None
-        self._flux = self._at_rest(past)
-        self._slow = np.full(len(self._late.times) if self._late else 0, self._flux)
+        self._dynamics = late if late is not None and late.times else None
+        self._flux = self._flux_at_rest(past)
+        self._slow_parts = np.full(len(self._dynamics.times) if self._dynamics else 0, self._flux)
 
-    def _at_rest(self, past: History) -> float:
+    def _flux_at_rest(self, past: History) -> float:
         """Return the flux density before the first step, where creep has come to its end."""
-        if self._late is None or past.kind == "demagnetised":
+        if self._dynamics is None or past.kind == "demagnetised":
             return 0.0
         points = past.turning_points
         if past.kind == "settled" and self.model.valid is not None:
@@ -87,15 +87,15 @@ class Stepper:
 
     def _creep(self, dt: float | None) -> tuple[float, FloatArray]:
         """Return what creep adds to the flux density now, T, and its slow parts."""
-        if self._late is None:
-            return 0.0, self._slow
-        slow = self._slow
+        if self._dynamics is None:
+            return 0.0, self._slow_parts
+        slow = self._slow_parts
         if self._output is not None:
             if dt is None:
                 text = "the model creeps ([dynamics]); give the time of the step"
                 raise wrong_key("dt", text, code="time-missing")
-            slow = self._late.follow(self._flux, slow, dt)
-        return float(np.array(self._late.shares) @ slow), slow
+            slow = self._dynamics.advance(self._flux, slow, dt)
+        return float(np.array(self._dynamics.shares) @ slow), slow
 
     @property
     def state(self) -> FloatArray:
@@ -122,9 +122,9 @@ class Stepper:
         flux, reachable = circuit.flux_density(demands)
         flux = flux - self._creep(dt)[0]
         drive, _, _, status, _ = self._iron.inverse(flux, circuit.rho, circuit.eddy, self._state)
-        check(status, "demand", 0, demands)
+        check_status(status, "demand", 0, demands)
         applied = circuit.drive(drive)
-        valid, _ = flag(self.model, "demand", applied, demands, np.array([at]), reachable)
+        valid, _ = flag_samples(self.model, "demand", applied, demands, np.array([at]), reachable)
         return Candidate(
             drive=float(applied[0]),
             output=float(demand if reachable[0] else circuit.output(flux)[0]),
@@ -141,8 +141,8 @@ class Stepper:
         circuit = self._circuit(at, dt)
         core = circuit.magnetomotive(drive)
         flux, _, state, status, _ = self._iron.forward(core, circuit.rho, circuit.eddy, self._state)
-        check(status, "applied drive", 0, drive)
-        added, self._slow = self._creep(dt)
+        check_status(status, "applied drive", 0, drive)
+        added, self._slow_parts = self._creep(dt)
         self._state, self._schedule, self._flux = state, at, float(flux[0])
         self._output = float(circuit.output(flux + added)[0])
         return self._output
@@ -151,8 +151,10 @@ class Stepper:
         """Advance the state along a row of drives, as repeated calls of :meth:`commit`."""
         drive = as_samples(applied, "applied drive")
         at = as_samples(schedule, "schedule", drive.size)
-        if self._late is not None or np.any(self.model.over_schedule("gamma", at) > 0.0):
-            why = "creeps ([dynamics])" if self._late else "has eddy currents (gamma)"
+        if self._dynamics is not None or np.any(
+            self.model.interpolate_parameter("gamma", at) > 0.0
+        ):
+            why = "creeps ([dynamics])" if self._dynamics else "has eddy currents (gamma)"
             raise InputError(
                 f"the model {why}; commit one by one, with dt", code="time-missing", key="t_s"
             )
@@ -162,7 +164,7 @@ class Stepper:
         flux, _, state, status, index = self._iron.forward(
             circuit.magnetomotive(drive), circuit.rho, circuit.eddy, self._state
         )
-        check(status, "applied drive", index, drive)
+        check_status(status, "applied drive", index, drive)
         output = circuit.output(flux)
         self._state, self._schedule, self._output = state, float(at[-1]), float(output[-1])
         return output
@@ -171,7 +173,7 @@ class Stepper:
         if schedule is None:
             return self._schedule
         at = float(as_samples([schedule], "schedule")[0])
-        if self.model.fixed_gap_only and at != self._schedule:
+        if self.model.needs_fixed_gap and at != self._schedule:
             raise InputError(
                 "the schedule moved, but in this model (gap map 'free') the iron itself varies "
                 "with it; start another stepper, or identify with the gap map scaling or reluctance",
@@ -183,12 +185,12 @@ class Stepper:
         if dt is not None and not dt > 0.0:
             raise wrong_key("dt", f"is {dt:g} s; give a time above 0", code="not-above-zero")
         begun = self._output is not None  # the first commit has nothing before it to be timed from
-        if self._around is not None and self._around[:3] == (at, dt, begun):
-            return self._around[3]  # at a gap that rests, step after step
-        if dt is None and begun and np.any(self.model.over_schedule("gamma", [at]) > 0.0):
+        if self._circuit_cache is not None and self._circuit_cache[:3] == (at, dt, begun):
+            return self._circuit_cache[3]  # at a gap that rests, step after step
+        if dt is None and begun and np.any(self.model.interpolate_parameter("gamma", [at]) > 0.0):
             text = "the model has eddy currents (gamma); give the time of the step"
             raise wrong_key("dt", text, code="time-missing")
         rate = 0.0 if dt is None else 1.0 / dt
         circuit = self.model.circuit(np.array([at]), np.array([rate]))
-        self._around = at, dt, begun, circuit
+        self._circuit_cache = at, dt, begun, circuit
         return circuit

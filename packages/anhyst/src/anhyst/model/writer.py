@@ -14,8 +14,8 @@ import numpy as np
 from anhyst.laws import LAWS
 from anhyst.laws.cells import CellWeights
 from anhyst.model import schema
+from anhyst.model.model_data import ModelData
 from anhyst.model.reader import read_as
-from anhyst.model.record import ActuatorRecord
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import FileRecord
@@ -78,13 +78,13 @@ UNCERTAINTY = """
 """
 
 
-def write_model(model: ActuatorRecord, path: PathLike) -> None:
+def write_model(model: ModelData, path: PathLike) -> None:
     """Write a model to a file, whole or not at all; it is read back before it takes its name."""
     text = model_text(model)
 
     def check(draft: Path) -> None:
         try:
-            read_as(draft, ActuatorRecord)
+            read_as(draft, ModelData)
         except InputError as error:
             reason = str(error).replace(str(draft), str(path))
             text = f"{reason}; no file could be read with that, so none is written"
@@ -94,7 +94,7 @@ def write_model(model: ActuatorRecord, path: PathLike) -> None:
         stream.write(text)
 
 
-def model_text(model: ActuatorRecord) -> str:
+def model_text(model: ModelData) -> str:
     """Return the text of the model file."""
     names = schema.section_names(model.operator_law, model.input, model.output, model.schedule)
     known = " or ".join(f'"{law}"' for law in LAWS)
@@ -156,15 +156,15 @@ def _quantity(quantity: Quantity) -> str:
     return _keys({"quantity": quantity.name, "symbol": quantity.symbol, "unit": quantity.unit})
 
 
-def _schedule(model: ActuatorRecord) -> str:
+def _schedule(model: ModelData) -> str:
     if model.schedule is None:
         return ""
     nodes = {schema.column("nodes", model.schedule.unit): list(model.nodes)} if model.nodes else {}
     return "\n[schedule]\n" + _quantity(model.schedule) + _keys(nodes)
 
 
-def _parameters(model: ActuatorRecord) -> str:
-    names = model.keys
+def _parameters(model: ModelData) -> str:
+    names = model.file_keys
     lines = []
     for name, spec in model.specs.items():
         value = model.parameters[name]
@@ -205,7 +205,7 @@ def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingPr
             continue
         written = toml_value(_plain(value, whole=hints[field.name] is schema.Whole))
         share = (
-            field.name in schema.of_output(type(record))
+            field.name in schema.output_fields(type(record))
             and field.name != "largest_output"
             and largest
         )

@@ -14,17 +14,32 @@ from anhyst.model.acceptance import GapCheck
 from anhyst.model.actuator import Model
 from anhyst.model.predict import slow_times
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.figures import ALARM, MODEL, columns_of, new_figure, panels, styled
+from anhyst.support.figures import (
+    ALARM_COLOUR,
+    MODEL_COLOUR,
+    column_count,
+    create_panels,
+    new_figure,
+    use_report_style,
+)
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import GREEK, Scale, label, name_of, number, scale_for, scale_of
+from anhyst.support.page import (
+    GREEK_LETTERS,
+    Scale,
+    axis_label,
+    choose_scale,
+    display_name,
+    format_number,
+    quantity_scale,
+)
 
 Colour = tuple[float, float, float, float]
 
-POINTS = 200
-GRID = 61
-SHARES = (0.25, 0.5, 0.75, 1.0)
+CURVE_POINTS = 200
+GRID_POINTS = 61
+DRIVE_SHARES = (0.25, 0.5, 0.75, 1.0)
 """Shares of the largest drive at which the output is drawn over the scheduling variable."""
-MOST_LOOPS = 15
+MAX_LOOPS = 15
 
 
 def parameter_unit(model: Model, name: str) -> str:
@@ -37,7 +52,7 @@ def parameter_unit(model: Model, name: str) -> str:
     )
 
 
-def running(model: Model) -> tuple[str, ...]:
+def varying_parameters(model: Model) -> tuple[str, ...]:
     """Names of the parameters that run over the scheduling variable by more than rounding."""
     return tuple(
         name
@@ -46,27 +61,33 @@ def running(model: Model) -> tuple[str, ...]:
     )
 
 
-@styled
+@use_report_style
 def figure_parameters(model: Model) -> Figure | None:
     """Draw every varying parameter over the scheduling variable: nodes and the curve between."""
-    shown = running(model)
-    if not shown or model.schedule is None:
+    names = varying_parameters(model)
+    if not names or model.schedule is None:
         return None
-    columns = columns_of(len(shown))
-    height = 0.2 - (-len(shown) // columns) * (3.2, 2.8, 2.3)[columns - 1]
+    columns = column_count(len(names))
+    height = 0.2 - (-len(names) // columns) * (3.2, 2.8, 2.3)[columns - 1]
     figure = new_figure(height, width=6.4 if columns == 1 else 9.6)
-    at = np.linspace(model.nodes[0], model.nodes[-1], POINTS)
-    across = scale_for(model.schedule, model.nodes)
-    for ax, name in zip(panels(figure, len(shown)), shown, strict=True):
-        curve = model.over_schedule(name, at)
-        nodes = model.over_schedule(name, model.nodes)
-        up = scale_of(parameter_unit(model, name), np.abs(nodes).tolist())
-        ax.plot(across.factor * at, up.factor * curve, color=MODEL, lw=1.2)
-        ax.plot(across.factor * np.array(model.nodes), up.factor * nodes, "o", color=MODEL, ms=5.5)
-        base, _, index = model.keys[name][0].partition("_")
+    at = np.linspace(model.nodes[0], model.nodes[-1], CURVE_POINTS)
+    x_scale = quantity_scale(model.schedule, model.nodes)
+    for ax, name in zip(create_panels(figure, len(names)), names, strict=True):
+        curve = model.interpolate_parameter(name, at)
+        nodes = model.interpolate_parameter(name, model.nodes)
+        y_scale = choose_scale(parameter_unit(model, name), np.abs(nodes).tolist())
+        ax.plot(x_scale.factor * at, y_scale.factor * curve, color=MODEL_COLOUR, lw=1.2)
+        ax.plot(
+            x_scale.factor * np.array(model.nodes),
+            y_scale.factor * nodes,
+            "o",
+            color=MODEL_COLOUR,
+            ms=5.5,
+        )
+        base, _, index = model.file_keys[name][0].partition("_")
         index = rf"_{{{index}}}" if index else ""
-        ax.set_ylabel(up.head(f"${GREEK.get(base, base)}{index}$"))
-        ax.set_xlabel(label(model.schedule, across))
+        ax.set_ylabel(y_scale.heading(f"${GREEK_LETTERS.get(base, base)}{index}$"))
+        ax.set_xlabel(axis_label(model.schedule, x_scale))
         ax.margins(y=0.12)
     return figure
 
@@ -80,17 +101,17 @@ def _sweep(model: Model, check: GapCheck | None) -> tuple[FloatArray, FloatArray
     if check is not None:
         return check.gaps, check.drive, check.output
     low, high = model.valid_range.input
-    half = np.linspace(0.0, high if abs(high) >= abs(low) else low, POINTS // 2)
+    half = np.linspace(0.0, high if abs(high) >= abs(low) else low, CURVE_POINTS // 2)
     drive = np.concatenate([half, half[-2::-1]])
-    at = np.unique([*np.linspace(model.nodes[0], model.nodes[-1], GRID), *model.nodes])
+    at = np.unique([*np.linspace(model.nodes[0], model.nodes[-1], GRID_POINTS), *model.nodes])
     output = np.full((at.size, drive.size), np.nan)
     for index, value in enumerate(at.tolist()):
-        if (loop := settled_loop(model, drive, value)) is not None:
+        if (loop := steady_state_loop(model, drive, value)) is not None:
             output[index] = loop
     return at, drive, output
 
 
-def settled_loop(model: Model, drive: FloatArray, at: float) -> FloatArray | None:
+def steady_state_loop(model: Model, drive: FloatArray, at: float) -> FloatArray | None:
     """Output over a settled cycle, slow enough for eddy currents not to count; None if none."""
     try:
         return model.predict(drive, at, slow_times(drive.size), "settled").output
@@ -98,94 +119,104 @@ def settled_loop(model: Model, drive: FloatArray, at: float) -> FloatArray | Non
         return None
 
 
-def at_and_between(model: Model) -> list[tuple[float, bool]]:
+def nodes_and_midpoints(model: Model) -> list[tuple[float, bool]]:
     """Nodes and the places half-way between, ascending, each with whether it is a node."""
     nodes = np.array(model.nodes)
-    if nodes.size > (MOST_LOOPS + 1) // 2:
+    if nodes.size > (MAX_LOOPS + 1) // 2:
         nodes = nodes[np.unique(np.linspace(0, nodes.size - 1, 8).round().astype(int))]
-    middle = 0.5 * (nodes[1:] + nodes[:-1])
-    return sorted([(node, True) for node in nodes.tolist()] + [(m, False) for m in middle.tolist()])
+    midpoints = 0.5 * (nodes[1:] + nodes[:-1])
+    return sorted(
+        [(node, True) for node in nodes.tolist()] + [(m, False) for m in midpoints.tolist()]
+    )
 
 
-@styled
+@use_report_style
 def figure_between(model: Model, check: GapCheck | None = None) -> Figure | None:
     """Draw the loops of a model at its nodes and half-way between, and the output over the gap."""
     if not model.varying or len(model.nodes) < 2 or model.valid is None:
         return None
     figure = new_figure(4.5)
     left, right = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
-    across = scale_for(model.input, model.valid.input)
-    up = scale_for(model.output, model.valid.output)
-    _loops(left, model, across, up)
-    _over_schedule(right, model, check, across, up)
+    input_scale = quantity_scale(model.input, model.valid.input)
+    output_scale = quantity_scale(model.output, model.valid.output)
+    _draw_loops(left, model, input_scale, output_scale)
+    _draw_over_schedule(right, model, check, input_scale, output_scale)
     return figure
 
 
-def _loops(ax: Axes, model: Model, across: Scale, up: Scale) -> None:
+def _draw_loops(ax: Axes, model: Model, input_scale: Scale, output_scale: Scale) -> None:
     assert model.schedule is not None
-    half = np.linspace(*model.valid_range.input, POINTS)
+    half = np.linspace(*model.valid_range.input, CURVE_POINTS)
     drive = np.concatenate([half, half[-2::-1]])
-    places = at_and_between(model)
-    size = scale_for(model.schedule, model.nodes)
-    for (at, is_node), colour in zip(places, _colours(len(places)), strict=True):
-        output = settled_loop(model, drive, at)
+    places = nodes_and_midpoints(model)
+    schedule_scale = quantity_scale(model.schedule, model.nodes)
+    for (at, is_node), colour in zip(places, _ordered_colours(len(places)), strict=True):
+        output = steady_state_loop(model, drive, at)
         if output is None:
             continue
-        name = size.show(at, 4, short=True) + ("" if is_node else " (between)")
+        name = schedule_scale.format_with_unit(at, 4, short=True) + (
+            "" if is_node else " (between)"
+        )
         dashes = "-" if is_node else (0, (4, 1.6))
-        x, y = across.factor * drive, up.factor * output
+        x, y = input_scale.factor * drive, output_scale.factor * output
         ax.plot(x, y, color=colour, ls=dashes, lw=1.2, label=name)
-    ax.set_xlabel(label(model.input, across))
-    ax.set_ylabel(label(model.output, up))
+    ax.set_xlabel(axis_label(model.input, input_scale))
+    ax.set_ylabel(axis_label(model.output, output_scale))
     ax.set_title("settled loops at and between the nodes")
-    ax.legend(fontsize=7.5, title=name_of(model.schedule), title_fontsize=7.5, handlelength=2.6)
+    ax.legend(
+        fontsize=7.5, title=display_name(model.schedule), title_fontsize=7.5, handlelength=2.6
+    )
 
 
-def _over_schedule(
-    ax: Axes, model: Model, check: GapCheck | None, across: Scale, up: Scale
+def _draw_over_schedule(
+    ax: Axes, model: Model, check: GapCheck | None, input_scale: Scale, output_scale: Scale
 ) -> None:
     assert model.schedule is not None
     at, drive, output = _sweep(model, check)
-    size = scale_for(model.schedule, model.nodes)
-    x, known = size.factor * at, np.isin(at, model.nodes)
+    schedule_scale = quantity_scale(model.schedule, model.nodes)
+    x, is_node = schedule_scale.factor * at, np.isin(at, model.nodes)
     handles = []
-    for share, colour in zip(SHARES, _colours(len(SHARES)), strict=True):
+    for share, colour in zip(DRIVE_SHARES, _ordered_colours(len(DRIVE_SHARES)), strict=True):
         row = round(share * (drive.size // 2))
-        ax.plot(x, up.factor * output[:, row], color=colour, lw=1.2)
-        ax.plot(x, up.factor * output[:, -1 - row], color=colour, lw=1.2, ls=(0, (1, 1.5)))
-        ax.plot(x[known], up.factor * output[known, row], "o", color=colour, ms=3.5)
-        name = across.show(float(drive[row]), 3)
+        ax.plot(x, output_scale.factor * output[:, row], color=colour, lw=1.2)
+        ax.plot(
+            x, output_scale.factor * output[:, -1 - row], color=colour, lw=1.2, ls=(0, (1, 1.5))
+        )
+        ax.plot(x[is_node], output_scale.factor * output[is_node, row], "o", color=colour, ms=3.5)
+        name = input_scale.format_with_unit(float(drive[row]), 3)
         handles.append(Line2D([], [], color=colour, label=name))
     handles.append(Line2D([], [], color="#333333", label="rising"))
     handles.append(Line2D([], [], color="#333333", ls=(0, (1, 1.5)), label="falling"))
     if check is not None and not check.passed:
-        handles.append(_mark_failure(ax, check, size, across, up))
-    ax.set_xlabel(label(model.schedule, size))
-    ax.set_ylabel(label(model.output, up))
-    ax.set_title(f"{name_of(model.output)} at a fixed {name_of(model.input)}")
+        handles.append(_mark_failure(ax, check, schedule_scale, input_scale, output_scale))
+    ax.set_xlabel(axis_label(model.schedule, schedule_scale))
+    ax.set_ylabel(axis_label(model.output, output_scale))
+    ax.set_title(f"{display_name(model.output)} at a fixed {display_name(model.input)}")
     below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 3}
     ax.legend(handles=handles, fontsize=7.5, handlelength=2.6, **below)
 
 
-def _mark_failure(ax: Axes, check: GapCheck, size: Scale, across: Scale, up: Scale) -> Line2D:
+def _mark_failure(
+    ax: Axes, check: GapCheck, schedule_scale: Scale, input_scale: Scale, output_scale: Scale
+) -> Line2D:
     """Mark where the acceptance test failed, with the curve that it failed on."""
-    at = size.factor * check.gap
-    if check.trouble:
-        ax.axvline(at, color=ALARM, lw=2.0)
-        return Line2D([], [], color=ALARM, lw=2.0, label="cannot be computed")
-    rising = check.branch == "rising"
+    at = schedule_scale.factor * check.gap
+    if check.failure:
+        ax.axvline(at, color=ALARM_COLOUR, lw=2.0)
+        return Line2D([], [], color=ALARM_COLOUR, lw=2.0, label="cannot be computed")
+    is_rising = check.branch == "rising"
     half = check.drive.size // 2 + 1
-    along = np.abs(check.drive[:half] - check.at_drive)
-    index = int(np.argmin(along)) if rising else -1 - int(np.argmin(along))
-    curve = up.factor * check.output[:, index]
+    drive_distance = np.abs(check.drive[:half] - check.at_drive)
+    index = int(np.argmin(drive_distance)) if is_rising else -1 - int(np.argmin(drive_distance))
+    curve = output_scale.factor * check.output[:, index]
     row = int(np.argmin(np.abs(check.gaps - check.gap)))
-    name = f"FAILED at {number(across.factor * check.at_drive)} {across.unit}, {check.branch}"
-    ax.plot(size.factor * check.gaps, curve, color=ALARM, lw=1.6)
-    ax.plot(at, curve[row], "o", mfc="none", mec=ALARM, ms=12.0, mew=2.0)
-    return Line2D([], [], color=ALARM, lw=1.6, marker="o", mfc="none", label=name)
+    name = f"FAILED at {format_number(input_scale.factor * check.at_drive)} {input_scale.unit}, {check.branch}"
+    ax.plot(schedule_scale.factor * check.gaps, curve, color=ALARM_COLOUR, lw=1.6)
+    ax.plot(at, curve[row], "o", mfc="none", mec=ALARM_COLOUR, ms=12.0, mew=2.0)
+    return Line2D([], [], color=ALARM_COLOUR, lw=1.6, marker="o", mfc="none", label=name)
 
 
-def _colours(count: int) -> list[Colour]:
+def _ordered_colours(count: int) -> list[Colour]:
     """Colours of an ordered family, dark to light, readable on white."""
     return [
         tuple(colour) for colour in colormaps["viridis"](np.linspace(0.0, 0.85, count)).tolist()

@@ -7,21 +7,21 @@ from collections.abc import Mapping
 
 from markupsafe import Markup
 
-from anhyst.data.clean import PREFIX
+from anhyst.data.clean import SETTING_PREFIX
 from anhyst.model.actuator import Model
 from anhyst.model.schema import CrossValidation, Uncertainty
 from anhyst.reports.figures import figure_correlation, figure_reduction
 from anhyst.reports.figures_over_schedule import (
-    SHARES,
-    at_and_between,
+    DRIVE_SHARES,
     figure_between,
     figure_parameters,
+    nodes_and_midpoints,
     parameter_unit,
-    running,
+    varying_parameters,
 )
-from anhyst.reports.subject import ModelSubject, acceptance
+from anhyst.reports.subject import ModelSubject, acceptance_note
 from anhyst.support.page import (
-    GREEK,
+    GREEK_LETTERS,
     NBSP,
     Block,
     Cell,
@@ -29,15 +29,15 @@ from anhyst.support.page import (
     Note,
     Section,
     Text,
-    number,
-    percent,
-    scale_of,
-    table,
-    with_deviation,
-    written,
+    choose_scale,
+    format_deviation,
+    format_number,
+    format_percent,
+    make_table,
+    typeset,
 )
 
-GAP_MAPS: Mapping[str, str] = {
+GAP_MAP_TEXTS: Mapping[str, str] = {
     "none": "Nothing runs over it.",
     "scaling": "The iron is the same everywhere; only how strongly the input drives it (c_H) "
     "runs over it, as in the paper.",
@@ -48,7 +48,7 @@ GAP_MAPS: Mapping[str, str] = {
     "free": "Any parameter may run over it, that of the iron too: for fixed values only.",
 }
 
-GLOSSARY: Mapping[str, str] = {
+QUANTITY_MEANINGS: Mapping[str, str] = {
     "k/a": "pinning, in units of the shape a: how fat the loop is",
     "(w*M_s)/a": "how strongly the flux acts back on the iron (circuit and interaction)",
     "a/c_H": "input that carries the iron into its bend",
@@ -68,31 +68,31 @@ def section_parameters_over(subject: ModelSubject) -> Section | None:
     if figure is None:
         return None
     varying, scale = (
-        ", ".join(model.keys[name][0] for name in running(model)),
+        ", ".join(model.file_keys[name][0] for name in varying_parameters(model)),
         subject.schedule_scale,
     )
-    nodes = ", ".join(scale.number(node, 4, short=True) for node in model.nodes)
+    nodes = ", ".join(scale.format(node, 4, short=True) for node in model.nodes)
     alt = (
-        f"{varying} over the {subject.over}: dots at the nodes {nodes} {scale.unit}, a smooth "
+        f"{varying} over the {subject.schedule_name}: dots at the nodes {nodes} {scale.unit}, a smooth "
         "curve between them that does not overshoot."
     )
     caption = (
-        f"What runs over the {subject.over}: dots where there were loops, the curve the model "
+        f"What runs over the {subject.schedule_name}: dots where there were loops, the curve the model "
         "uses between. It cannot overshoot, and goes on as a straight line outside."
     )
-    head = [scale.head(subject.over)]
-    columns = [[scale.number(node, 5, short=True) for node in model.nodes]]
-    for name in running(model):
-        values = model.over_schedule(name, model.nodes).tolist()
-        scale = scale_of(parameter_unit(model, name), values)
-        head.append(Markup(scale.head("{}")).format(symbol(model.keys[name][0])))
-        columns.append([scale.number(value, 5) for value in values])
+    head = [scale.heading(subject.schedule_name)]
+    columns = [[scale.format(node, 5, short=True) for node in model.nodes]]
+    for name in varying_parameters(model):
+        values = model.interpolate_parameter(name, model.nodes).tolist()
+        scale = choose_scale(parameter_unit(model, name), values)
+        head.append(Markup(scale.heading("{}")).format(symbol_markup(model.file_keys[name][0])))
+        columns.append([scale.format(value, 5) for value in values])
     blocks: tuple[Block, ...] = (
-        Text(GAP_MAPS[model.gap_map]),
+        Text(GAP_MAP_TEXTS[model.gap_map]),
         subject.picture(figure, alt, caption),
-        table("At the nodes", head, list(zip(*columns, strict=True)), texts=0),
+        make_table("At the nodes", head, list(zip(*columns, strict=True)), texts=0),
     )
-    return Section("parameters-over", f"Parameters over the {subject.over}", blocks)
+    return Section("parameters-over", f"Parameters over the {subject.schedule_name}", blocks)
 
 
 def section_reduction(subject: ModelSubject) -> Section | None:
@@ -101,32 +101,35 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     if not steps:
         return None
     first, last = steps[0].cost_before, steps[-1].cost_after
-    names = {name: GREEK.get(bare, bare) for name, (bare, _) in subject.model.keys.items()}
+    names = {
+        name: GREEK_LETTERS.get(short_name, short_name)
+        for name, (short_name, _) in subject.model.file_keys.items()
+    }
     text = (
-        f"After the best sets for each {subject.over or 'node'} were found, one parameter after "
+        f"After the best sets for each {subject.schedule_name or 'node'} were found, one parameter after "
         "the other was replaced by its mean and the rest searched again. In each round every "
         "parameter left was tried; the one whose freezing cost least was taken. From "
-        f"{percent(first)} mean deviation with all free to {percent(last)} with only the last "
+        f"{format_percent(first)} mean deviation with all free to {format_percent(last)} with only the last "
         "one running."
     )
-    most = max(step.cost_after for step in steps)
+    largest_cost = max(step.cost_after for step in steps)
     rows: list[list[str | Cell]] = []
     for order, step in enumerate(steps, start=1):
         costs = sorted((cost, name) for name, cost in step.candidates.items())
         others = [(cost, names.get(name, name)) for cost, name in costs if name != step.frozen]
-        listed = ", ".join(f"{name} {_cost(cost)}" for cost, name in others)
+        listed = ", ".join(f"{name} {_format_cost(cost)}" for cost, name in others)
         frozen = Cell(names.get(step.frozen, step.frozen), strong=True)
-        bar = step.cost_after / most if most else None
-        after = Cell(percent(step.cost_after, 3), bar=bar)
-        rise = percent(step.cost_after - step.cost_before, 2)
-        before = percent(step.cost_before, 3)
+        bar = step.cost_after / largest_cost if largest_cost else None
+        after = Cell(format_percent(step.cost_after, 3), bar=bar)
+        rise = format_percent(step.cost_after - step.cost_before, 2)
+        before = format_percent(step.cost_before, 3)
         rows.append([str(order), frozen, listed or "none", before, after, rise])
     head = ["round", "frozen", "instead of", "before", "after", "rise"]
     freezing = (
-        f"{percent(step.cost_after)} after freezing {names.get(step.frozen, step.frozen)}"
+        f"{format_percent(step.cost_after)} after freezing {names.get(step.frozen, step.frozen)}"
         for step in steps
     )
-    bars = "; ".join([f"{percent(first)} with all parameters free", *freezing])
+    bars = "; ".join([f"{format_percent(first)} with all parameters free", *freezing])
     alt = f"Bar chart of the mean deviation: {bars}."
     caption = (
         "Mean deviation in parts of the largest output after each round (bars); rings: what "
@@ -135,13 +138,13 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     blocks = (
         Text(text),
         subject.picture(figure_reduction(steps, names), alt, caption),
-        table("Cost of each round", head, rows, "Cheapest alternatives first.", texts=3),
+        make_table("Cost of each round", head, rows, "Cheapest alternatives first.", texts=3),
     )
     return Section("reduction", "Cost of each reduction step", blocks)
 
 
-def _cost(cost: float) -> str:
-    return percent(cost) if math.isfinite(cost) else "cannot be computed"
+def _format_cost(cost: float) -> str:
+    return format_percent(cost) if math.isfinite(cost) else "cannot be computed"
 
 
 def section_between(subject: ModelSubject) -> Section | None:
@@ -151,60 +154,74 @@ def section_between(subject: ModelSubject) -> Section | None:
     figure = figure_between(model, check)
     if figure is None:
         return None
-    size, across = subject.schedule_scale, subject.input_scale
-    listed = ", ".join(size.number(at, 4, short=True) for at, _ in at_and_between(model))
+    schedule_scale, input_scale = subject.schedule_scale, subject.input_scale
+    schedule_text = ", ".join(
+        schedule_scale.format(at, 4, short=True) for at, _ in nodes_and_midpoints(model)
+    )
     largest = max(map(abs, model.valid_range.input))
-    drives = ", ".join(across.number(part * largest, 3) for part in SHARES)
+    drives = ", ".join(input_scale.format(part * largest, 3) for part in DRIVE_SHARES)
     alt = (
-        f"Left: settled loops of the model at {subject.over} {listed} {size.unit}, nodes solid, "
-        f"half-way places dashed. Right: {subject.answer} over the {subject.over} at fixed "
-        f"{subject.drive}, {drives} {across.unit}, on both branches."
+        f"Left: settled loops of the model at {subject.schedule_name} {schedule_text} {schedule_scale.unit}, "
+        f"nodes solid, "
+        f"half-way places dashed. Right: {subject.output_name} over the {subject.schedule_name} at fixed "
+        f"{subject.input_name}, {drives} {input_scale.unit}, on both branches."
     )
     caption = (
         f"Left: settled loops at the nodes (solid) and half-way between (dashed), where nothing "
-        f"was fitted: each must lie between its neighbours. Right: {subject.answer} at a fixed "
-        f"{subject.drive} over the {subject.over}, dots at the nodes."
+        f"was fitted: each must lie between its neighbours. Right: {subject.output_name} at a fixed "
+        f"{subject.input_name} over the {subject.schedule_name}, dots at the nodes."
     )
     if check is not None:
-        caption += f" The {subject.answer} has to fall from left to right, on both branches."
+        caption += f" The {subject.output_name} has to fall from left to right, on both branches."
     blocks: list[Block] = [subject.picture(figure, alt, caption)]
     if check is not None:
-        blocks.insert(0, acceptance(subject))
-    nodes = "reference gaps" if subject.over == "gap" else f"nodes of the {subject.over}"
+        blocks.insert(0, acceptance_note(subject))
+    nodes = (
+        "reference gaps"
+        if subject.schedule_name == "gap"
+        else f"nodes of the {subject.schedule_name}"
+    )
     return Section("between", f"Loops at and between the {nodes}", tuple(blocks))
 
 
 def section_gap_map(subject: ModelSubject) -> Section | None:
     """Gap maps compared by what they predict for gaps that were left out."""
     model = subject.model
-    left_out = dict(model.fit.left_out) if model.fit else {}
+    withheld_errors = dict(model.fit.left_out) if model.fit else {}
     reason = str(model.provenance.settings.get("gap_map_reason", ""))
-    if model.schedule is None or len(model.nodes) < 2 or not (left_out or reason):
+    if model.schedule is None or len(model.nodes) < 2 or not (withheld_errors or reason):
         return None
     blocks: list[Block] = []
     if reason:
         reason = reason.replace("inf %", "cannot be computed")
         blocks.append(Text(reason[:1].upper() + reason[1:] + "."))
-    if left_out:
-        finite = [error for error in left_out.values() if math.isfinite(error)]
-        most = max(finite) if len(finite) > 1 else 0.0
+    if withheld_errors:
+        finite = [error for error in withheld_errors.values() if math.isfinite(error)]
+        largest_error = max(finite) if len(finite) > 1 else 0.0
         rows = [
             [
                 Cell(name, strong=name == model.gap_map),
                 Cell("chosen" if name == model.gap_map else ""),
-                Cell(_cost(error), bar=error / most if math.isfinite(error) and most else None),
+                Cell(
+                    _format_cost(error),
+                    bar=error / largest_error if math.isfinite(error) and largest_error else None,
+                ),
             ]
-            for name, error in sorted(left_out.items(), key=lambda pair: pair[1])
+            for name, error in sorted(withheld_errors.items(), key=lambda pair: pair[1])
         ]
         caption = (
-            f"Mean deviation on a {subject.over} that was left out of the fit and predicted from "
-            f"the others, in parts of {subject.full_scale}; mean over all inner ones."
+            f"Mean deviation on a {subject.schedule_name} that was left out of the fit and predicted from "
+            f"the others, in parts of {subject.full_scale_text}; mean over all inner ones."
         )
         head = ["map", "", "mean deviation"]
-        blocks.append(table("Cross-validation error of each map", head, rows, caption, texts=2))
+        blocks.append(
+            make_table("Cross-validation error of each map", head, rows, caption, texts=2)
+        )
     if model.fit and model.fit.cross_validation:
-        blocks.append(Text(_expected(subject, model.fit.cross_validation)))
-    return Section("gap-map", f"How the {subject.over} enters: maps compared", tuple(blocks))
+        blocks.append(Text(_expected_error_text(subject, model.fit.cross_validation)))
+    return Section(
+        "gap-map", f"How the {subject.schedule_name} enters: maps compared", tuple(blocks)
+    )
 
 
 def section_laws(subject: ModelSubject) -> Section | None:
@@ -214,40 +231,46 @@ def section_laws(subject: ModelSubject) -> Section | None:
         return None
     reason = str(subject.model.provenance.settings.get("law_reason", ""))
     errors = [candidate.left_out for candidate in fit.candidates if candidate.left_out is not None]
-    most = max(errors, default=0.0)
+    largest_error = max(errors, default=0.0)
     rows: list[list[str | Cell]] = []
-    for one in fit.candidates:
-        rms, error = "" if one.rms is None else percent(one.rms), Cell("")
-        if one.left_out is not None:
-            error = Cell(percent(one.left_out), bar=one.left_out / most if most else None)
-        law = Cell(one.law, strong=one.note == "chosen")
-        rows.append([law, one.gap_map, one.note, str(one.numbers), rms, error])
+    for candidate in fit.candidates:
+        rms, error = "" if candidate.rms is None else format_percent(candidate.rms), Cell("")
+        if candidate.left_out is not None:
+            error = Cell(
+                format_percent(candidate.left_out),
+                bar=candidate.left_out / largest_error if largest_error else None,
+            )
+        law = Cell(candidate.law, strong=candidate.note == "chosen")
+        rows.append([law, candidate.gap_map, candidate.note, str(candidate.numbers), rms, error])
     caption = (
         "Numbers that were fitted; root mean square deviation from all loops; mean deviation on gaps "
         "or loops that were left out of the fit, in turn. The simpler law is chosen where the other "
-        f"is not better by more than its scatter. In parts of {subject.full_scale}."
+        f"is not better by more than its scatter. In parts of {subject.full_scale_text}."
     )
     head = ["law", "map", "", "numbers", "rms deviation", "left out"]
-    said = Text(reason[:1].upper() + reason[1:] + ".")
-    laws = table("Laws compared", head, rows, caption, texts=3)
-    return Section("laws", "Which law: candidates side by side", (said, laws))
+    reason_text = Text(reason[:1].upper() + reason[1:] + ".")
+    laws = make_table("Laws compared", head, rows, caption, texts=3)
+    return Section("laws", "Which law: candidates side by side", (reason_text, laws))
 
 
-def _expected(subject: ModelSubject, validation: CrossValidation) -> str:
+def _expected_error_text(subject: ModelSubject, validation: CrossValidation) -> str:
     """Say what to expect between the nodes, where the least error of a choice promises too much."""
-    each = ", ".join(percent(error) for error in validation.folds)
+    fold_errors = ", ".join(format_percent(error) for error in validation.folds)
     if validation.left_out == "block":
         return (
-            f"Expected at other samples of such loops: mean deviation {percent(validation.error)} of the "
-            f"largest {subject.answer}, in nine of ten cases {percent(validation.interval[0])} to "
-            f"{percent(validation.interval[1])}. Found ({each}) where blocks of samples were left out of the fit "
+            f"Expected at other samples of such loops: mean deviation {format_percent(validation.error)} of the "
+            f"largest {subject.output_name}, in nine of ten cases {format_percent(validation.interval[0])} to "
+            f"{format_percent(validation.interval[1])}. Found "
+            f"({fold_errors}) where blocks of samples were left out of the fit "
             "and of the choice of the law; it says nothing of loops of other sizes."
         )
     return (
-        f"Expected at a {subject.over} between those measured: mean deviation "
-        f"{percent(validation.error)} of {subject.full_scale}, in nine of ten cases "
-        f"{percent(validation.interval[0])} to {percent(validation.interval[1])}. Found ({each}) where "
-        f"the {subject.over} was left out of the fit, of the choice of the map and of the decision about offsets; "
+        f"Expected at a {subject.schedule_name} between those measured: mean deviation "
+        f"{format_percent(validation.error)} of {subject.full_scale_text}, in nine of ten cases "
+        f"{format_percent(validation.interval[0])} to {format_percent(validation.interval[1])}. Found "
+        f"({fold_errors}) where "
+        f"the {subject.schedule_name} was left out of the fit, of the choice of the map "
+        f"and of the decision about offsets; "
         "noise of the sensor is taken off."
     )
 
@@ -255,34 +278,34 @@ def _expected(subject: ModelSubject, validation: CrossValidation) -> str:
 def section_parameters(subject: ModelSubject) -> Section:
     """All parameters with units and meaning, what the data say about them, and what not."""
     model = subject.model
-    names = model.keys
+    names = model.file_keys
     rows: list[list[str | Cell]] = []
     for name, spec in model.specs.items():
         values = model.parameters[name]
-        several = values if isinstance(values, tuple) else (values,)
-        scale = scale_of(parameter_unit(model, name), several)
-        text = scale.number(several[0], 5, short=True)
-        if name in running(model):
-            text = f"{scale.number(min(several), 5)} to {scale.number(max(several), 5)}"
+        all_values = values if isinstance(values, tuple) else (values,)
+        scale = choose_scale(parameter_unit(model, name), all_values)
+        text = scale.format(all_values[0], 5, short=True)
+        if name in varying_parameters(model):
+            text = f"{scale.format(min(all_values), 5)} to {scale.format(max(all_values), 5)}"
         meaning = spec.meaning
-        if name == "rho" and subject.over != "gap":
+        if name == "rho" and subject.schedule_name != "gap":
             meaning = "reluctance in series with the iron, over that of an air-filled iron path"
-        bare, key = names[name]
+        short_name, key = names[name]
         text = f"{text}{NBSP}{scale.unit}".strip()
-        rows.append([symbol(bare), Cell(key, code=True), meaning, text])
+        rows.append([symbol_markup(short_name), Cell(key, code=True), meaning, text])
     blocks: list[Block] = [
         Text(f"Law: {model.operator_law.title}. The parameters mean nothing under another one."),
-        Text(equations(subject)),
-        table("All parameters", ["", "in the file", "meaning", "value"], rows, "", texts=3),
+        Text(equations_markup(subject)),
+        make_table("All parameters", ["", "in the file", "meaning", "value"], rows, "", texts=3),
     ]
     if model.cells is not None:
-        blocks.append(_cells(model))
+        blocks.append(_cell_table(model))
     if model.uncertainty is not None and model.uncertainty.names:
-        blocks += _uncertainty(subject, model.uncertainty)
+        blocks += _uncertainty_blocks(subject, model.uncertainty)
     return Section("parameters", "Parameters and what the data say about them", tuple(blocks))
 
 
-def _cells(model: Model) -> Block:
+def _cell_table(model: Model) -> Block:
     """Show the weights, a row for each threshold."""
     cells = model.cells
     assert cells is not None
@@ -290,62 +313,70 @@ def _cells(model: Model) -> Block:
         [f"{r:.4g}", *(f"{100.0 * w / cells.saturation:.3g}" for w in row)]
         for r, row in zip(cells.thresholds.tolist(), cells.weights.tolist(), strict=True)
     ]
-    around = [f" around {b:.4g}" * (b > 0.0) for b in cells.middles.tolist()]
-    heads = [f"width {a:.4g} A/m{at} (%)" for a, at in zip(cells.widths, around, strict=True)]
+    centre_texts = [f" around {b:.4g}" * (b > 0.0) for b in cells.curve_centres.tolist()]
+    heads = [f"width {a:.4g} A/m{at} (%)" for a, at in zip(cells.widths, centre_texts, strict=True)]
     heads.insert(0, "threshold (A/m)")
-    return table(f"Cells: {cells}, in parts of {cells.saturation:.5g} A/m", heads, rows)
+    return make_table(f"Cells: {cells}, in parts of {cells.saturation:.5g} A/m", heads, rows)
 
 
-def equations(subject: ModelSubject) -> Markup:
+def equations_markup(subject: ModelSubject) -> Markup:
     """Write how input and output are related, without the terms that are zero."""
     model = subject.model
-    names = {name: symbol(bare) for name, (bare, _) in model.keys.items()}
-    drive, answer = symbol(model.input.symbol), symbol(model.output.symbol)
+    names = {name: symbol_markup(short_name) for name, (short_name, _) in model.file_keys.items()}
+    drive, answer = symbol_markup(model.input.symbol), symbol_markup(model.output.symbol)
 
-    def there(name: str) -> bool:
+    def is_nonzero(name: str) -> bool:
         values = model.parameters[name]
         return any(values) if isinstance(values, tuple) else bool(values)
 
     # Field and flux density of the iron need names of their own where those of the ends are taken.
-    field = symbol("H_iron" if model.input.symbol == "H" else "H")
-    flux = symbol("B_iron" if model.output.symbol == "B" else "B")
-    left = Markup("{} − {}").format(drive, names["in_0"]) if there("in_0") else drive
+    field = symbol_markup("H_iron" if model.input.symbol == "H" else "H")
+    flux = symbol_markup("B_iron" if model.output.symbol == "B" else "B")
+    left = Markup("{} − {}").format(drive, names["in_0"]) if is_nonzero("in_0") else drive
     if model.parameters["c_H"] != 1.0:
-        form = "{} · ({})" if there("in_0") else "{} · {}"
+        form = "{} · ({})" if is_nonzero("in_0") else "{} · {}"
         left = Markup(form).format(names["c_H"], left)
     right = field
-    if there("rho"):
+    if is_nonzero("rho"):
         right += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux)
-    if there("gamma"):
+    if is_nonzero("gamma"):
         right += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux)
     output = Markup("{}{}").format(flux, Markup("<sup>2</sup>") if model.power == 2 else "")
     if model.parameters["c_out"] != 1.0:
         output = Markup("{} · {}").format(names["c_out"], output)
-    if there("out_0"):
+    if is_nonzero("out_0"):
         output += Markup(" + {}").format(names["out_0"])
     return Markup(
         '<span class="formula">{} = {}</span> <span class="formula">{} = {}</span>'
     ).format(left, right, answer, output)
 
 
-def symbol(name: str) -> Markup:
+def symbol_markup(name: str) -> Markup:
     """Write a symbol with its index lowered and its Greek letter."""
     base, _, index = name.partition("_")
-    written = Markup("<i>{}</i>").format(GREEK.get(base, base))
-    return written + Markup("<sub>{}</sub>").format(GREEK.get(index, index)) if index else written
+    base_markup = Markup("<i>{}</i>").format(GREEK_LETTERS.get(base, base))
+    return (
+        base_markup + Markup("<sub>{}</sub>").format(GREEK_LETTERS.get(index, index))
+        if index
+        else base_markup
+    )
 
 
-def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
+def _uncertainty_blocks(subject: ModelSubject, uncertainty: Uncertainty) -> list[Block]:
     rows: list[list[str | Cell]] = []
-    last = ""
-    fitted = zip(unsure.names, unsure.values, unsure.std, strict=True)
+    previous_meaning = ""
+    fitted = zip(uncertainty.names, uncertainty.values, uncertainty.std, strict=True)
     for index, (name, value, deviation) in enumerate(fitted, start=1):
         part = deviation / abs(value) if value and "offset" not in name else None
-        meaning = next((text for start, text in GLOSSARY.items() if name.startswith(start)), "")
-        share = Cell(percent(part), strong=part is not None and part > 0.2)
-        shown = "" if meaning == last else meaning
-        rows.append([str(index), written(name), shown, with_deviation(value, deviation), share])
-        last = meaning
+        meaning = next(
+            (text for start, text in QUANTITY_MEANINGS.items() if name.startswith(start)), ""
+        )
+        share = Cell(format_percent(part), strong=part is not None and part > 0.2)
+        shown_meaning = "" if meaning == previous_meaning else meaning
+        rows.append(
+            [str(index), typeset(name), shown_meaning, format_deviation(value, deviation), share]
+        )
+        previous_meaning = meaning
     caption = (
         "What was fitted: quantities that the data determine, unlike single parameters that may be "
         "exchanged for each other. Estimate and standard deviation, with the misfit of the law "
@@ -353,33 +384,37 @@ def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
     )
     head = ["no.", "quantity", "meaning", "estimate", "uncertain by"]
     title = "What was fitted, and how sure it is"
-    blocks: list[Block] = [table(title, head, rows, caption, texts=3)]
-    if unsure.correlation:
+    blocks: list[Block] = [make_table(title, head, rows, caption, texts=3)]
+    if uncertainty.correlation:
         caption = (
             "Correlations of what was fitted. Dark blue: they can only rise together; dark red: "
             "one rises as the other falls; white: independent."
         )
-        blocks.append(subject.picture(figure_correlation(unsure), _correlated(unsure), caption))
-    if unsure.statements:
-        statements = (written(text) for text in unsure.statements)
+        blocks.append(
+            subject.picture(
+                figure_correlation(uncertainty), _correlation_text(uncertainty), caption
+            )
+        )
+    if uncertainty.statements:
+        statements = (typeset(text) for text in uncertainty.statements)
         blocks.append(Items("What the data leave open", tuple(statements)))
     return blocks
 
 
-def _correlated(unsure: Uncertainty) -> str:
+def _correlation_text(uncertainty: Uncertainty) -> str:
     """Alternative text of the heat map: the strongest pairs."""
     pairs = sorted(
         (
-            (abs(value), unsure.names[row], unsure.names[column], value)
-            for row, values in enumerate(unsure.correlation)
+            (abs(value), uncertainty.names[row], uncertainty.names[column], value)
+            for row, values in enumerate(uncertainty.correlation)
             for column, value in enumerate(values[:row])
             if math.isfinite(value)
         ),
         reverse=True,
     )
-    strongest = (f"{one} with {two} {number(value, 3)}" for _, one, two, value in pairs[:3])
+    strongest = (f"{one} with {two} {format_number(value, 3)}" for _, one, two, value in pairs[:3])
     named = "; ".join(strongest)
-    text = f"Heat map of {len(unsure.names)} by {len(unsure.names)} correlations"
+    text = f"Heat map of {len(uncertainty.names)} by {len(uncertainty.names)} correlations"
     return f"{text}, the strongest: {named}." if named else f"{text}."
 
 
@@ -396,9 +431,9 @@ def section_origin(subject: ModelSubject, file_name: str, file_hash: str) -> Sec
         for source in origin.sources
     ]
     blocks: list[Block] = []
-    if subject.absent:
-        blocks.append(Note("warn", "Not read", f"{subject.absent}."))
-    blocks.append(table("Files", ["file", "SHA-256", "columns"], rows, texts=3))
+    if subject.missing_reason:
+        blocks.append(Note("warn", "Not read", f"{subject.missing_reason}."))
+    blocks.append(make_table("Files", ["file", "SHA-256", "columns"], rows, texts=3))
     settings = {
         "written by": f"anhyst {origin.version}" if origin.version else "",
         "seed of the search": "" if origin.seed is None else str(origin.seed),
@@ -407,15 +442,15 @@ def section_origin(subject: ModelSubject, file_name: str, file_hash: str) -> Sec
         "history before the first sample": str(model.history),
     }
     settings |= {
-        _setting(key): str(value).lower() if isinstance(value, bool) else str(value)
+        _setting_name(key): str(value).lower() if isinstance(value, bool) else str(value)
         for key, value in origin.settings.items()
         if key != "gap_map_reason"
     }
     rows = [[Cell(name), Cell(value, code=True)] for name, value in settings.items() if value]
-    blocks.append(table("How it was found", ["setting", "value"], rows, texts=2))
+    blocks.append(make_table("How it was found", ["setting", "value"], rows, texts=2))
     return Section("origin", "Where the model came from", tuple(blocks))
 
 
-def _setting(key: str) -> str:
-    plain = key.removeprefix(PREFIX).replace("_", " ")
-    return f"reading: {plain}" if key.startswith(PREFIX) else plain
+def _setting_name(key: str) -> str:
+    plain = key.removeprefix(SETTING_PREFIX).replace("_", " ")
+    return f"reading: {plain}" if key.startswith(SETTING_PREFIX) else plain

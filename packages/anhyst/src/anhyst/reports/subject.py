@@ -7,20 +7,28 @@ from dataclasses import dataclass, field, replace
 
 from matplotlib.figure import Figure
 
-from anhyst.data.clean import DEFAULT_STEPS, PREFIX, clean
+from anhyst.data.clean import DEFAULT_STEPS, SETTING_PREFIX, clean
 from anhyst.data.inspection import Inspection, inspect
 from anhyst.data.loops import Loops
 from anhyst.data.output_map import name_full_scale
-from anhyst.data.verdict import Verdict, judge, single_valued
+from anhyst.data.verdict import Verdict, assess_loops, single_valued_residuals
 from anhyst.model.acceptance import Acceptance
 from anhyst.model.actuator import Model, read_sources
-from anhyst.model.left_over import left_of, left_over_text
+from anhyst.model.residual_analysis import analyse_loops, describe_residual
 from anhyst.model.schema import FitFigures, fit_figures
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.figures import svg_text
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page import MINUS, Note, Picture, Scale, name_of, percent, scale_for
+from anhyst.support.page import (
+    MINUS,
+    Note,
+    Picture,
+    Scale,
+    display_name,
+    format_percent,
+    quantity_scale,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +39,7 @@ class ModelSubject:
     fit: FitFigures | None  # those that belong to its parameters
     acceptance: Acceptance  # outcome of the acceptance test
     evidence: Evidence | None  # none where the measurements could not be read
-    absent: str = ""  # why they could not; empty if they could
+    missing_reason: str = ""  # why they could not; empty if they could
     warnings: tuple[str, ...] = ()  # what a reader has to know before anything else
     _pictures: Iterator[int] = field(default_factory=lambda: iter(range(1, 1000)))
 
@@ -40,53 +48,55 @@ class ModelSubject:
         return Picture(svg_text(figure, f"f{next(self._pictures)}"), alt, caption)
 
     @property
-    def over(self) -> str:
+    def schedule_name(self) -> str:
         """Name of the scheduling variable in a sentence."""
-        return name_of(self.model.schedule) if self.model.schedule else ""
+        return display_name(self.model.schedule) if self.model.schedule else ""
 
     @property
-    def answer(self) -> str:
+    def output_name(self) -> str:
         """Name of the output in a sentence."""
-        return name_of(self.model.output)
+        return display_name(self.model.output)
 
     @property
-    def full_scale(self) -> str:
+    def full_scale_text(self) -> str:
         """Words for what deviations of the output refer to."""
         return name_full_scale(self.model.output)
 
     @property
-    def drive(self) -> str:
+    def input_name(self) -> str:
         """Name of the input in a sentence."""
-        return name_of(self.model.input)
+        return display_name(self.model.input)
 
-    def percent(self, deviation: float) -> str:
+    def percent_of_largest(self, deviation: float) -> str:
         """Write a deviation in per cent of the largest output."""
         largest = self.fit.largest_output if self.fit else 0.0
-        return percent(deviation / largest if largest > 0.0 else None)
+        return format_percent(deviation / largest if largest > 0.0 else None)
 
     @property
-    def deviation(self) -> Scale:
+    def deviation_scale(self) -> Scale:
         """Scale of deviations of the output: that of their mean."""
-        return scale_for(self.model.output, [self.fit.mean_abs] if self.fit else [])
+        return quantity_scale(self.model.output, [self.fit.mean_abs] if self.fit else [])
 
     @property
     def input_scale(self) -> Scale:
         """Scale of the input: that of its valid range."""
-        return scale_for(self.model.input, self.model.valid.input if self.model.valid else [])
+        return quantity_scale(self.model.input, self.model.valid.input if self.model.valid else [])
 
     @property
     def output_scale(self) -> Scale:
         """Scale of the output: that of its valid range."""
-        return scale_for(self.model.output, self.model.valid.output if self.model.valid else [])
+        return quantity_scale(
+            self.model.output, self.model.valid.output if self.model.valid else []
+        )
 
     @property
     def schedule_scale(self) -> Scale:
         """Scale of the scheduling variable: that of its nodes."""
         schedule = self.model.schedule
-        return scale_for(schedule, self.model.nodes) if schedule else Scale(1.0, "")
+        return quantity_scale(schedule, self.model.nodes) if schedule else Scale(1.0, "")
 
 
-STALE = 0.02
+STALE_RELATIVE_DIFFERENCE = 0.02
 """Relative difference of the mean deviation above which the figures of a file are not its own."""
 
 
@@ -105,75 +115,77 @@ class Evidence:
     warnings: tuple[str, ...]  # what a reader has to know
 
 
-def gather(model: Model, folder: PathLike) -> Evidence:
+def gather_evidence(model: Model, folder: PathLike) -> Evidence:
     """Read the measurements of a model again and run the model over them."""
-    whole, loops = _read(model, folder)
+    unthinned, loops = _read_loops(model, folder)
     warnings = []
     try:
-        inspection = inspect(whole)
+        inspection = inspect(unthinned)
     except InputError as error:
         inspection = None
         warnings.append(f"the measurements look odd: {error}")
     fitted: list[FloatArray | None] = []
     for loop in loops.loops:
         try:
-            fitted.append(model.on(loop))
+            fitted.append(model.predict_loop(loop))
         except (InputError, NegativeResult) as error:
             fitted.append(None)
             warnings.append(f"the model cannot be computed on {loops.describe(loop)}: {error}")
-    baseline = {id(loop): over for loop, over in single_valued(loops)}
+    baseline = {id(loop): residual for loop, residual in single_valued_residuals(loops)}
     return Evidence(
         loops=loops,
         fitted=tuple(fitted),
         inspection=inspection,
-        verdict=judge(loops),
+        verdict=assess_loops(loops),
         baseline=tuple(baseline[id(loop)] for loop in loops.loops),
         warnings=tuple(warnings),
     )
 
 
-def _read(model: Model, folder: PathLike) -> tuple[Loops, Loops]:
+def _read_loops(model: Model, folder: PathLike) -> tuple[Loops, Loops]:
     """Read the loops before thinning, which hides noise and skew, and as they were fitted."""
     origin = model.provenance
-    written = origin.settings.get(f"{PREFIX}clean", ",".join(DEFAULT_STEPS))
+    written = origin.settings.get(f"{SETTING_PREFIX}clean", ",".join(DEFAULT_STEPS))
     steps = [step.strip() for step in str(written).split(",")]
     if steps[-1] != "thin":
         loops = read_sources(model, folder)
         return loops, loops
-    settings = dict(origin.settings) | {f"{PREFIX}clean": ",".join(steps[:-1]) or "none"}
+    settings = dict(origin.settings) | {f"{SETTING_PREFIX}clean": ",".join(steps[:-1]) or "none"}
     unthinned = replace(model, provenance=replace(origin, settings=settings))
-    whole = read_sources(unthinned, folder)
-    return whole, clean(whole, ("thin",))
+    unthinned_loops = read_sources(unthinned, folder)
+    return unthinned_loops, clean(unthinned_loops, ("thin",))
 
 
-def own_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, str]:
+def current_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, str]:
     """Return the fit figures that belong to these parameters, and what is wrong with the file's."""
     fitted = [output for output in evidence.fitted if output is not None]
     if len(fitted) < len(evidence.fitted):
         return model.fit, ""
-    left = left_of(evidence.loops, fitted)
-    fresh = replace(
+    residual = analyse_loops(evidence.loops, fitted)
+    recomputed = replace(
         fit_figures(evidence.loops, fitted),
-        not_noise=left.unexplained,
-        left_over=left_over_text(left, evidence.loops, model),
+        not_noise=residual.unexplained,
+        left_over=describe_residual(residual, evidence.loops, model),
     )
     if model.fit is None:
-        return fresh, ""
-    kept = replace(
-        fresh,
+        return recomputed, ""
+    figures = replace(
+        recomputed,
         left_out=model.fit.left_out,
         monotone=model.fit.monotone,
         cross_validation=model.fit.cross_validation,
     )
-    if abs(fresh.mean_abs - model.fit.mean_abs) <= STALE * max(fresh.mean_abs, model.fit.mean_abs):
-        return kept, ""
-    return kept, (
+    if abs(recomputed.mean_abs - model.fit.mean_abs) <= STALE_RELATIVE_DIFFERENCE * max(
+        recomputed.mean_abs, model.fit.mean_abs
+    ):
+        return figures, ""
+    return figures, (
         "the fit figures in the model file do not belong to its parameters, which were changed "
         "after the identification; the figures of this report were computed again"
     )
 
 
-def acceptance(subject: ModelSubject) -> Note:
+def acceptance_note(subject: ModelSubject) -> Note:
     """Report the outcome of the acceptance test, over the gap and over the drive."""
     check, model = subject.acceptance, subject.model
     if check.passed is not None:
@@ -183,9 +195,9 @@ def acceptance(subject: ModelSubject) -> Note:
             return Note("good", "Acceptance test passed", text)
         return Note("bad", "ACCEPTANCE TEST FAILED", text)
     if model.schedule is None or not model.varying:
-        why = "the model does not run over a gap"
+        reason = "the model does not run over a gap"
     elif model.schedule.name != "gap":
-        why = f"it is for gaps, and this model runs over the {subject.over}"
+        reason = f"it is for gaps, and this model runs over the {subject.schedule_name}"
     else:
-        why = "the model file has no valid range that says how far to drive"
-    return Note("info", "Acceptance test", f"Does not apply: {why}.")
+        reason = "the model file has no valid range that says how far to drive"
+    return Note("info", "Acceptance test", f"Does not apply: {reason}.")

@@ -23,16 +23,16 @@ if TYPE_CHECKING:
 PathLike = str | os.PathLike[str]
 
 
-def check_path(value: object, argument: str, wanted: str = "a path") -> PathLike:
+def check_path(value: object, argument: str, expected: str = "a path") -> PathLike:
     """Return a path; refuse anything else and name the argument, as ``"verb: argument"``."""
     if not isinstance(value, str | os.PathLike):
-        raise wrong_type(argument, wanted, value)
+        raise wrong_type(argument, expected, value)
     if not os.fspath(value):
         raise InputError(f"{argument}: the path is empty", code="wrong-type", key=argument)
     return value
 
 
-_ADVICE = {
+_WRITE_ADVICE = {
     errno.ENOSPC: "make room",
     errno.EDQUOT: "make room",
     errno.EFBIG: "raise the limit on file sizes",
@@ -44,7 +44,7 @@ _ADVICE = {
 
 def write_error(path: PathLike, error: OSError) -> InputError:
     """Say why a file could not be written and what to do, in one line."""
-    advice = _ADVICE.get(error.errno or 0, "choose another place")
+    advice = _WRITE_ADVICE.get(error.errno or 0, "choose another place")
     return InputError(
         f"{path}: cannot be written: {error.strerror or error}; {advice}",
         code="cannot-be-written",
@@ -63,7 +63,7 @@ def read_error(path: PathLike, error: OSError) -> InputError:
 
 @contextmanager
 def atomic_writer(
-    path: PathLike, check: Callable[[Path], object] | None = None
+    path: PathLike, check_draft: Callable[[Path], object] | None = None
 ) -> Iterator[IO[str]]:
     """Open a file that appears under its name only when it is complete.
 
@@ -71,12 +71,12 @@ def atomic_writer(
     any failure, ctrl-C included, what stood there before still stands there, and nothing else. A
     device or a pipe is written directly.
     """
-    with _draft(path) as draft:
+    with _open_draft(path) as draft:
         with draft.open("w", encoding="utf-8", newline="") as stream:
             yield stream
-            _to_disk(stream)
-        if check is not None and draft.is_file():
-            check(draft)
+            _flush_to_disk(stream)
+        if check_draft is not None and draft.is_file():
+            check_draft(draft)
 
 
 def write_bytes(path: PathLike, content: bytes) -> None:
@@ -88,56 +88,56 @@ def write_bytes(path: PathLike, content: bytes) -> None:
 @contextmanager
 def binary_writer(path: PathLike) -> Iterator[IO[bytes]]:
     """Open a binary file as :func:`atomic_writer`; it can be read too, to write headers last."""
-    with _draft(path) as draft, draft.open("w+b") as stream:
+    with _open_draft(path) as draft, draft.open("w+b") as stream:
         yield stream
-        _to_disk(stream)
+        _flush_to_disk(stream)
 
 
 @contextmanager
-def _draft(path: PathLike) -> Iterator[Path]:
+def _open_draft(path: PathLike) -> Iterator[Path]:
     """Yield a draft path to write to; move the draft to its final path when all went well."""
     target = Path(os.path.realpath(path))  # a link keeps pointing where it points
     try:
-        beside = _beside(target)
-        if beside is None:
+        temporary = _temporary_path(target)
+        if temporary is None:
             yield target
             return
         try:
-            yield beside
+            yield temporary
             if target.exists():
-                beside.chmod(target.stat().st_mode & 0o7777)
-            beside.replace(target)
+                temporary.chmod(target.stat().st_mode & 0o7777)
+            temporary.replace(target)
         except BaseException:
             with suppress(OSError):
-                beside.unlink()
+                temporary.unlink()
             raise
     except OSError as error:
         raise write_error(path, error) from error
 
 
-def _to_disk(stream: IO[Any]) -> None:
+def _flush_to_disk(stream: IO[Any]) -> None:
     """Have the disk itself say whether there was room; a device or a pipe cannot."""
     stream.flush()
     if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
         os.fsync(stream.fileno())
 
 
-def check_writable(path: PathLike, reads: Iterable[PathLike] = ()) -> None:
+def check_writable(path: PathLike, input_files: Iterable[PathLike] = ()) -> None:
     """Find out before long work whether a file can be written."""
     target = Path(os.path.realpath(path))
-    if any(target == Path(os.path.realpath(source)) for source in reads):
+    if any(target == Path(os.path.realpath(source)) for source in input_files):
         raise InputError(
             f"{path}: is read by this command; write to another file", code="writes-over-input"
         )
     try:
-        if (beside := _beside(target)) is not None:
-            beside.open("x").close()
-            beside.unlink()
+        if (temporary := _temporary_path(target)) is not None:
+            temporary.open("x").close()
+            temporary.unlink()
     except OSError as error:
         raise write_error(path, error) from error
 
 
-def _beside(target: Path) -> Path | None:
+def _temporary_path(target: Path) -> Path | None:
     """Return the temporary name of a file; None for a device or a pipe, which are written directly."""
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
@@ -158,16 +158,16 @@ def cache_folder(kind: str) -> Path:
     return caches / "anhyst" / kind
 
 
-def seen_from(folder: Path, path: Path) -> str:
+def relative_path(folder: Path, path: Path) -> str:
     """Return how a file is named in another folder; past a link to a folder ".." leads elsewhere."""
-    whole = os.path.join(os.path.realpath(path.parent), path.name)
-    return Path(os.path.relpath(whole, os.path.realpath(folder))).as_posix()
+    resolved = os.path.join(os.path.realpath(path.parent), path.name)
+    return Path(os.path.relpath(resolved, os.path.realpath(folder))).as_posix()
 
 
 def core_folder() -> Path:
     """Return the folder with ``include/``, ``src/`` and ``port/`` of the core."""
-    marked = "include/anhyst/compensator/compensator.h"
-    return shipped_folder("anhyst", "core", "_core/c", marked)
+    marker = "include/anhyst/compensator/compensator.h"
+    return shipped_folder("anhyst", "core", "_core/c", marker)
 
 
 def contract_folder() -> Path:
@@ -175,39 +175,39 @@ def contract_folder() -> Path:
     return shipped_folder("anhyst", "contract", "_contract", "block.toml")
 
 
-def shipped_folder(name: str, edited: str, shipped: str, marked: str) -> Path:
+def shipped_folder(package_name: str, repository_path: str, package_path: str, marker: str) -> Path:
     """Return a folder of the repository that a package ships, or the copy in that package.
 
     ``edited`` is its name in the repository, ``shipped`` that in the installed package ``name``, and
     ``marked`` what must be in it.
     """
-    package = Path(sys.modules[name].__file__ or name).resolve().parent
-    folders = [package / shipped]
+    package = Path(sys.modules[package_name].__file__ or package_name).resolve().parent
+    folders = [package / package_path]
     if package.parent.name == "src" and package.parents[2].name == "packages":
-        folders.insert(0, package.parents[3] / edited)
+        folders.insert(0, package.parents[3] / repository_path)
     for folder in folders:
-        if (folder / marked).exists():
+        if (folder / marker).exists():
             return folder
     raise InputError(
-        f"{package}: the folder {shipped} is missing; install {name.replace('_', '-')} again",
+        f"{package}: the folder {package_path} is missing; install {package_name.replace('_', '-')} again",
         code="installation-incomplete",
     )
 
 
 @contextmanager
-def whole_folder(out: PathLike, *, replace: bool = False) -> Iterator[Path]:
+def atomic_folder(out: PathLike, *, replace: bool = False) -> Iterator[Path]:
     """Give a folder to work in; what is in it appears in its place when all is done, else nothing."""
     target = Path(os.path.realpath(out))
     if target.exists() and not target.is_dir():
         raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
-    as_whole = replace or not target.exists()
-    draft = (target.parent if as_whole else target) / f".{target.name}.{os.getpid()}.part"
+    replaces_folder = replace or not target.exists()
+    draft = (target.parent if replaces_folder else target) / f".{target.name}.{os.getpid()}.part"
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         draft.mkdir()
         yield draft
-        if as_whole:
-            _exchange(draft, target)
+        if replaces_folder:
+            _replace_folder(draft, target)
         else:
             _move_files(draft, target)
     except OSError as error:
@@ -222,7 +222,7 @@ def write_files(folder: Path, files: Mapping[str, str | bytes]) -> None:
     """Write files into a folder, by their paths below it."""
     for name, content in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(as_bytes(content))
+        (folder / name).write_bytes(to_bytes(content))
 
 
 def check_new(out: PathLike, names: Sequence[str]) -> None:
@@ -241,19 +241,19 @@ def check_new(out: PathLike, names: Sequence[str]) -> None:
 def add_files(out: PathLike, texts: Mapping[str, str], copies: Mapping[str, Path]) -> None:
     """Write texts and copies of files into a folder, all of them or none; replace nothing."""
     check_new(out, [*texts, *{Path(name).parts[0] for name in copies}])
-    with whole_folder(out) as draft:
+    with atomic_folder(out) as draft:
         write_files(draft, texts)
         for name, source in copies.items():
             (draft / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, draft / name)
 
 
-def as_bytes(content: str | bytes) -> bytes:
+def to_bytes(content: str | bytes) -> bytes:
     """Return the bytes of a file, of a text in UTF-8."""
     return content.encode() if isinstance(content, str) else content
 
 
-def _exchange(draft: Path, target: Path) -> None:
+def _replace_folder(draft: Path, target: Path) -> None:
     """Replace a folder with its draft."""
     old = target.with_name(draft.name.removesuffix(".part") + ".old")
     if target.exists():
@@ -269,23 +269,23 @@ def _exchange(draft: Path, target: Path) -> None:
 
 def _move_files(draft: Path, target: Path) -> None:
     """Move the files of a draft into a folder that holds other files."""
-    made: list[Path] = []
+    created: list[Path] = []
     try:
         for file in sorted(path for path in draft.rglob("*") if path.is_file()):
-            moved = target / file.relative_to(draft)
-            for above in reversed(moved.relative_to(target).parents[:-1]):
-                if not (target / above).exists():
-                    (target / above).mkdir()
-                    made.append(target / above)
-            if not moved.exists():
-                made.append(moved)
-            file.replace(moved)
+            destination = target / file.relative_to(draft)
+            for parent in reversed(destination.relative_to(target).parents[:-1]):
+                if not (target / parent).exists():
+                    (target / parent).mkdir()
+                    created.append(target / parent)
+            if not destination.exists():
+                created.append(destination)
+            file.replace(destination)
     except OSError:
-        for moved in reversed(made):
-            if moved.is_dir():
-                moved.rmdir()
+        for destination in reversed(created):
+            if destination.is_dir():
+                destination.rmdir()
             else:
-                moved.unlink(missing_ok=True)
+                destination.unlink(missing_ok=True)
         raise
 
 
@@ -308,7 +308,7 @@ def write_figure(figure: Figure, path: PathLike) -> None:
 
 def json_text(content: Mapping[str, Any]) -> str:
     """Return the text of a JSON file; numbers that JSON does not have become null."""
-    return json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(to_json_value(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def write_json(path: PathLike, content: Mapping[str, Any]) -> None:
@@ -316,12 +316,12 @@ def write_json(path: PathLike, content: Mapping[str, Any]) -> None:
     write_bytes(path, json_text(content).encode())
 
 
-def plain(value: Any) -> Any:
+def to_json_value(value: Any) -> Any:
     """Return a value as JSON gives it back: names and lists, null for what is no finite number."""
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): to_json_value(item) for key, item in value.items()}
     if isinstance(value, str | Path):
         return str(value)
     if isinstance(value, Sequence):
-        return [plain(item) for item in value]
+        return [to_json_value(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -15,7 +15,7 @@ Format = Literal["q14", "q15", "q8", "weight", "integer", "unsigned", "single"]
 class Word:
     """One word of the block."""
 
-    at: int  # its number in the block
+    index: int  # its number in the block
     name: str  # as in ``layout.h``, without ``ANHYST_WORD_``
     format: Format  # of the word; of the entries, if it names a table
     doc: str  # what it is
@@ -33,7 +33,7 @@ class Word:
     unit: str = ""  # of a single, which is worth what it is: ``"output"``, ``"input"``, or the unit
 
 
-def _word(row: dict[str, Any]) -> Word:
+def _word_from_row(row: dict[str, Any]) -> Word:
     """Return a word from its row."""
     size = row.get("words", 2 if row["format"] == "single" else 1)
     given = {key: row[key] for key in ("axis", "of", "factor", "unit") if key in row}
@@ -45,20 +45,20 @@ def _word(row: dict[str, Any]) -> Word:
 
 
 _BLOCK = tomllib.loads((contract_folder() / "block.toml").read_text(encoding="utf-8"))
-_GROUPS = {group["name"]: tuple(map(_word, group["words"])) for group in _BLOCK["group"]}
+_GROUPS = {group["name"]: tuple(map(_word_from_row, group["words"])) for group in _BLOCK["group"]}
 
 KINDS: dict[str, int] = {kind: number for number, kind in enumerate(_BLOCK["kinds"], start=1)}
 MAGIC: tuple[int, int] = tuple(_BLOCK["magic"])
-LAYOUT: int = _BLOCK["layout"]
-LEAST_WORDS: int = _BLOCK["least_words"]
-MOST_WORDS: int = _BLOCK["most_words"]
-MOST_REAL_WORDS: int = _BLOCK["most_real_words"]
-SCALE_WORDS = sum(word.size for word in _GROUPS["scale"])
-UNITS: tuple[str, ...] = ("", *_BLOCK["units"])
+LAYOUT_VERSION: int = _BLOCK["layout"]
+MIN_BLOCK_WORDS: int = _BLOCK["least_words"]
+MAX_BLOCK_WORDS: int = _BLOCK["most_words"]
+MAX_FLOAT_BLOCK_WORDS: int = _BLOCK["most_real_words"]
+SCALE_WORD_COUNT = sum(word.size for word in _GROUPS["scale"])
+SIGNAL_UNITS: tuple[str, ...] = ("", *_BLOCK["units"])
 """Units of the signals, by their numbers in ``SCALE_UNITS``."""
 
-HEAD = _GROUPS["head"]
-BODY = {
+HEAD_WORDS = _GROUPS["head"]
+BODY_WORDS = {
     kind: tuple(
         word
         for group in _BLOCK["group"]
@@ -69,8 +69,10 @@ BODY = {
 }
 """Every word of a kind behind the head, in the order of the block."""
 
-PLACES = {word.name: word.at for body in (HEAD, *BODY.values()) for word in body}
+WORD_INDEX = {word.name: word.index for body in (HEAD_WORDS, *BODY_WORDS.values()) for word in body}
 """Number of every word in the block, by its name."""
 
-WORDS = {kind: {word.name: word.at for word in body} for kind, body in BODY.items()}
+WORD_INDEX_OF_KIND = {
+    kind: {word.name: word.index for word in body} for kind, body in BODY_WORDS.items()
+}
 """Number of a word of a kind, by its name."""

@@ -13,12 +13,12 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from anhyst.support.block_layout import PLACES, UNITS, Format
+from anhyst.support.block_layout import SIGNAL_UNITS, WORD_INDEX, Format
 from anhyst.support.numeric import FloatArray
 
 Numbers = TypeVar("Numbers", float, FloatArray)
 
-ONES: dict[Format, float] = {
+CODE_OF_ONE: dict[Format, float] = {
     "q14": 16384.0,
     "q15": 32768.0,
     "q8": 256.0,
@@ -39,7 +39,7 @@ class WordUnit:
 
 
 @dataclass(frozen=True, slots=True)
-class Names:
+class SignalUnits:
     """Units of the signals of a model, for the texts."""
 
     output: str
@@ -61,21 +61,21 @@ class Scales:
         """Range of the scheduling variable; 1 where nothing runs over it."""
         return self.gap_high - self.gap_low or 1.0
 
-    def gap_share(self, gap: Numbers) -> Numbers:
+    def gap_fraction(self, gap: Numbers) -> Numbers:
         """Return the scheduling variable in parts of its range."""
         return (gap - self.gap_low) / self.gap_span
 
-    def gap_at(self, share: Numbers) -> Numbers:
+    def gap_at(self, fraction: Numbers) -> Numbers:
         """Return the scheduling variable at a part of its range."""
-        return self.gap_low + (self.gap_high - self.gap_low) * share
+        return self.gap_low + (self.gap_high - self.gap_low) * fraction
 
 
-LENGTH_AT = PLACES["LENGTH"]
-GENERATION_AT = PLACES["GENERATION"]
-CRC_AT = PLACES["CRC"]
+LENGTH_INDEX = WORD_INDEX["LENGTH"]
+GENERATION_INDEX = WORD_INDEX["GENERATION"]
+CRC_INDEX = WORD_INDEX["CRC"]
 
 
-class _Scale(NamedTuple):
+class _ScaleWord(NamedTuple):
     """A number that says what a signal is counted in: which word, what, and where its unit is."""
 
     word: str
@@ -84,22 +84,22 @@ class _Scale(NamedTuple):
     unit: str = ""
 
 
-_SCALES = (
-    _Scale("SCALE_DEMAND", "full scale of the demand", 0),
-    _Scale("SCALE_CURRENT", "full scale of the current", 4),
-    _Scale("SCALE_GAP_LOW", "low end of the gap", 8),
-    _Scale("SCALE_GAP_HIGH", "high end of the gap", 8),
-    _Scale("SCALE_RATE", "rate", None, "Hz"),
+_SCALE_WORDS = (
+    _ScaleWord("SCALE_DEMAND", "full scale of the demand", 0),
+    _ScaleWord("SCALE_CURRENT", "full scale of the current", 4),
+    _ScaleWord("SCALE_GAP_LOW", "low end of the gap", 8),
+    _ScaleWord("SCALE_GAP_HIGH", "high end of the gap", 8),
+    _ScaleWord("SCALE_RATE", "rate", None, "Hz"),
 )
 
 
-def regenerate(words: Sequence[int], generation: int) -> list[int]:
+def set_generation(words: Sequence[int], generation: int) -> list[int]:
     """Set the generation of a parameter block and recompute its checksum."""
-    row = [int(word) for word in words]
-    row[GENERATION_AT] = _signed(generation)
-    crc = checksum(row[:CRC_AT] + row[CRC_AT + 2 :])
-    row[CRC_AT : CRC_AT + 2] = [_signed(crc & 0xFFFF), _signed(crc >> 16)]
-    return row
+    updated = [int(word) for word in words]
+    updated[GENERATION_INDEX] = _to_signed(generation)
+    crc = checksum(updated[:CRC_INDEX] + updated[CRC_INDEX + 2 :])
+    updated[CRC_INDEX : CRC_INDEX + 2] = [_to_signed(crc & 0xFFFF), _to_signed(crc >> 16)]
+    return updated
 
 
 def checksum(words: Sequence[int]) -> int:
@@ -107,29 +107,29 @@ def checksum(words: Sequence[int]) -> int:
     return zlib.crc32(np.asarray(words, dtype="<i2").tobytes())
 
 
-def misfit(block: Sequence[int], board: Sequence[int]) -> str:
+def describe_scale_mismatch(block: Sequence[int], board: Sequence[int]) -> str:
     """Say in which scale a block is made for another board."""
     remedy = "compile for the board's scales, or build the firmware around the new folder"
-    for scale in _SCALES:
-        mine, theirs = _number(block, scale), _number(board, scale)
-        if mine != theirs:
-            has = f"the board has {theirs}" if board else "the board has another"
-            return f"the parameter block is made for a {scale.name} of {mine}, {has}; {remedy}"
+    for scale in _SCALE_WORDS:
+        block_value, board_value = _format_scale(block, scale), _format_scale(board, scale)
+        if block_value != board_value:
+            board_text = f"the board has {board_value}" if board else "the board has another"
+            return f"the parameter block is made for a {scale.name} of {block_value}, {board_text}; {remedy}"
     return f"the parameter block is made for other units than the board's; {remedy}"
 
 
-def _number(words: Sequence[int], scale: _Scale) -> str:
+def _format_scale(words: Sequence[int], scale: _ScaleWord) -> str:
     """Return a number of single precision with its unit."""
     if not words:
         return ""
-    at = PLACES[scale.word]
-    (value,) = struct.unpack("<f", np.asarray(words[at : at + 2], "<i2").tobytes())
+    index = WORD_INDEX[scale.word]
+    (value,) = struct.unpack("<f", np.asarray(words[index : index + 2], "<i2").tobytes())
     unit = scale.unit
     if scale.unit_shift is not None:
-        named = UNITS[words[PLACES["SCALE_UNITS"]] >> scale.unit_shift & 0xF]
-        unit = "" if named == "1" else named
+        unit_name = SIGNAL_UNITS[words[WORD_INDEX["SCALE_UNITS"]] >> scale.unit_shift & 0xF]
+        unit = "" if unit_name == "1" else unit_name
     return f"{value:.7g} {unit}".rstrip()
 
 
-def _signed(word: int) -> int:
+def _to_signed(word: int) -> int:
     return word - 0x10000 if word >= 0x8000 else word

@@ -6,10 +6,10 @@ import copyreg
 from copy import copy
 from typing import Any, Self
 
-from anhyst.support.wording import worded
+from anhyst.support.wording import word_for_reader
 
 
-class _Coded(Exception):  # noqa: N818 - only half of one
+class _CodedError(Exception):
     """An error with a code for programs and a text that says what to do."""
 
     def __init__(self, text: str, *, code: str, key: str = "") -> None:
@@ -22,16 +22,16 @@ class _Coded(Exception):  # noqa: N818 - only half of one
         return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
     def __str__(self) -> str:
-        return worded(str(self.args[0]))
+        return word_for_reader(str(self.args[0]))
 
-    def at(self, location: object) -> Self:
+    def with_location(self, location: object) -> Self:
         """Return the same error with the place in front of its text."""
         error = copy(self)
         error.args = (f"{location}: {self.args[0]}",)
         return error
 
 
-class InputError(_Coded, ValueError):
+class InputError(_CodedError, ValueError):
     """Bad input, reported in one line: file, line or key; what is wrong; what to do.
 
     The command line prints it as ``anhyst: error: ...`` and exits with 2. In Python, the text names
@@ -54,19 +54,21 @@ def wrong_key(key: str, text: str, *, code: str) -> InputError:
     return InputError(f"{key}: {text}", code=code, key=key)
 
 
-def wrong_type(argument: str, wanted: str, value: object, *, in_list: bool = False) -> InputError:
+def wrong_type(
+    argument: str, expected: str, value: object, *, is_in_list: bool = False
+) -> InputError:
     """Return the error of an argument, such as ``"identify: loops"``, of the wrong type."""
-    given = type(value).__name__ if value is not None else "None"
+    given_type = type(value).__name__ if value is not None else "None"
     for name in ("loops", "model"):
         if hasattr(value, "loops") and hasattr(value, "model") and argument.endswith(name):
-            given += f"; give its {name}"
-    place = "a list with " if in_list else ""
+            given_type += f"; give its {name}"
+    prefix = "a list with " if is_in_list else ""
     return InputError(
-        f"{argument} must be {wanted}, not {place}{given}", code="wrong-type", key=argument
+        f"{argument} must be {expected}, not {prefix}{given_type}", code="wrong-type", key=argument
     )
 
 
-class NegativeResult(_Coded, RuntimeError):  # noqa: N818 - an answer
+class NegativeResult(_CodedError, RuntimeError):  # noqa: N818 - an answer
     """The work was done and the answer is no, such as a model that fails its acceptance test.
 
     The command line prints it and exits with 1.
@@ -100,7 +102,7 @@ class NoResponseError(ArithmeticError):
     """A law has no answer for its parameters."""
 
 
-class NowhereNearError(InputError):
+class NoUsableStartError(InputError):
     """No set of parameters that a search begins with comes near the loops."""
 
     def __init__(self) -> None:
@@ -111,5 +113,5 @@ class NowhereNearError(InputError):
         )
 
 
-class CreepWarning(UserWarning):
+class ReturnPointMemoryWarning(UserWarning):
     """Loops show that an iron does not keep its turning points; says what was done about it."""

@@ -19,16 +19,16 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 # Okabe and Ito: distinct for every kind of colour vision, and by their lightness in grey.
-RISING = "#0072B2"
-FALLING = "#D55E00"
-MODEL = "#0072B2"
-MEASURED = "#8C8C8C"
-ALARM = "#B00020"
-FAINT = "#D9D9D9"
+RISING_COLOUR = "#0072B2"
+FALLING_COLOUR = "#D55E00"
+MODEL_COLOUR = "#0072B2"
+MEASURED_COLOUR = "#8C8C8C"
+ALARM_COLOUR = "#B00020"
+FAINT_COLOUR = "#D9D9D9"
 
-WIDTH = 9.6  # inches
-PIXELS = 100  # of a page, for an inch of a figure
-RESOLUTION = 200  # dots an inch of what is drawn as points
+FIGURE_WIDTH_IN = 9.6  # inches
+PIXELS_PER_INCH = 100  # of a page, for an inch of a figure
+RASTER_DPI = 200  # dots an inch of what is drawn as points
 
 STYLE: Mapping[str, Any] = MappingProxyType(
     {
@@ -59,7 +59,7 @@ STYLE: Mapping[str, Any] = MappingProxyType(
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 
 
-def styled(draw: Callable[P, T]) -> Callable[P, T]:
+def use_report_style(draw: Callable[P, T]) -> Callable[P, T]:
     """Make a function draw in the style of the report, whatever the user has set up."""
 
     @wraps(draw)
@@ -70,14 +70,14 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
     return drawn
 
 
-def new_figure(height: float, width: float = WIDTH) -> Figure:
+def new_figure(height: float, width: float = FIGURE_WIDTH_IN) -> Figure:
     """Start a figure; sizes in inches."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def panels(figure: Figure, count: int, *, share_y: bool = False) -> list[Axes]:
+def create_panels(figure: Figure, count: int, *, share_y: bool = False) -> list[Axes]:
     """Divide a figure into a number of panels, row by row, in as many columns as are readable."""
-    columns = columns_of(count)
+    columns = column_count(count)
     rows = -(-count // columns)
     axes = figure.subplots(rows, columns, squeeze=False, sharey=share_y).ravel().tolist()
     for ax in axes[count:]:
@@ -85,27 +85,27 @@ def panels(figure: Figure, count: int, *, share_y: bool = False) -> list[Axes]:
     return list(axes[:count])
 
 
-def columns_of(count: int) -> int:
+def column_count(count: int) -> int:
     """Return the number of columns in which a number of panels is readable."""
     return 2 if count in {2, 4} else min(count, 3)
 
 
-@styled
+@use_report_style
 def svg_text(figure: Figure, prefix: str) -> str:
     """Render a figure as an SVG element to be put into a page."""
     stream = io.StringIO()
-    figure.savefig(stream, format="svg", dpi=RESOLUTION, metadata=_NO_METADATA)
+    figure.savefig(stream, format="svg", dpi=RASTER_DPI, metadata=_NO_METADATA)
     text = stream.getvalue()
     text = text[text.index("<svg") :].strip()
     text = re.sub(r"\bid=\"", f'id="{prefix}-', text)
     text = text.replace("url(#", f"url(#{prefix}-").replace('href="#', f'href="#{prefix}-')
     # The alternative text stands in the page; a screen reader is not to spell the ticks.
-    width = round(PIXELS * figure.get_figwidth())
+    width = round(PIXELS_PER_INCH * figure.get_figwidth())
     start = f'<svg aria-hidden="true" focusable="false" style="--width: {width}px"'
     return re.sub(r"^<svg\b", start, text)
 
 
-@styled
+@use_report_style
 def write_png(figure: Figure, path: PathLike) -> None:
     """Write a figure as a PNG file, without a time stamp."""
     stream = io.BytesIO()
@@ -113,7 +113,7 @@ def write_png(figure: Figure, path: PathLike) -> None:
     write_bytes(path, stream.getvalue())
 
 
-@styled
+@use_report_style
 def write_svg(figure: Figure, path: PathLike) -> None:
     """Write a figure as an SVG file, without a time stamp."""
     stream = io.BytesIO()

@@ -41,7 +41,9 @@ class FileKind:
         """Say which verbs take such a file, or what else it is used for."""
         if self.use or not self.verbs:
             return self.use or "no verb takes it"
-        return f"anhyst {_listed(self.verbs, 'and')} take{'s' if len(self.verbs) == 1 else ''} it"
+        return (
+            f"anhyst {_join_words(self.verbs, 'and')} take{'s' if len(self.verbs) == 1 else ''} it"
+        )
 
     def has_option(self, verb: str, option: str) -> bool:
         """Whether an option of a verb that only some kinds take is for this one."""
@@ -62,63 +64,65 @@ class FileKind:
             )
 
 
-MODEL = FileKind(
+MODEL_FILE = FileKind(
     "anhyst-model",
     "a model",
     "models",
     ("predict", "invert", "report", "diff", "compile", "watch", "export"),
 )
-CONTROLLER = FileKind(
+CONTROLLER_FILE = FileKind(
     "anhyst-controller",
     "a controller file",
     "controller files",
     use="anhyst simulate, tune, compile and live take it with --controller",
 )
-CALIBRATION = FileKind(
+CALIBRATION_FILE = FileKind(
     "anhyst-calibration",
     "a calibration",
     "calibrations",
     use="a rig file names it as control.calibration",
 )
-COMPILED = FileKind("compiled folder", "a compiled folder", "compiled folders", ("verify", "live"))
-PACKAGE = FileKind(
+COMPILED_FOLDER = FileKind(
+    "compiled folder", "a compiled folder", "compiled folders", ("verify", "live")
+)
+PACKAGE_FOLDER = FileKind(
     "package",
     "a package of an ecosystem",
     "packages of ecosystems",
     use="compile again without --package for it",
 )
-MEASUREMENT = FileKind(
+MEASUREMENT_FILE = FileKind(
     "measurement",
     "a measurement",
     "measurements",
     ("inspect", "convert", "identify", "fleet", "init", "force-control"),
 )
-PORT = FileKind("port", "the port of a controller", "ports of controllers", ("xcp",))
-RIG_OF_NO_KIND = FileKind(RIG_FORMAT, "a rig file", "rig files")
+CONTROLLER_PORT = FileKind("port", "the port of a controller", "ports of controllers", ("xcp",))
+UNSUPPORTED_RIG_FILE = FileKind(RIG_FORMAT, "a rig file", "rig files")
 """Any rig file, where no package with a kind of rig is installed."""
-UNKNOWN = FileKind("", "a file of unknown kind", "files of unknown kind")
+UNKNOWN_FILE = FileKind("", "a file of unknown kind", "files of unknown kind")
 """What says nothing of itself or cannot be read."""
 
 
-Needed = TypeVar("Needed")
+Capability = TypeVar("Capability")
 
 
-def capability(kind: FileKind, needed: type[Needed]) -> Needed:
+def require_capability(kind: FileKind, protocol: type[Capability]) -> Capability:
     """Return the record of a kind of rig typed as a protocol; refuse one that lacks a method of it."""
-    for method in (name for name in vars(needed) if not name.startswith("_")):
-        why = "it is no function"
+    for method in (name for name in vars(protocol) if not name.startswith("_")):
+        reason = "it is no function"
         try:
             if callable(getattr(kind, method)):
                 continue
         except (Exception, SystemExit) as error:
-            why = str(error)
+            reason = str(error)
         raise InputError(
-            f"control.kind: '{method}' of the kind '{kind.word}' cannot be used ({why}); ask the "
+            f"control.kind: '{method}' of the kind '{kind.word}' cannot be used ({reason}); ask the "
             "author of the package that adds it",
             code="not-installed",
             key="control.kind",
         )
-    return cast(Needed, kind)
+    return cast(Capability, kind)
 
 
 RIG_VERBS = (
@@ -127,7 +131,7 @@ RIG_VERBS = (
 """Verbs that a kind of rig can have."""
 
 
-def _fault_of(record: object, word: str) -> str:
+def _find_fault(record: object, word: str) -> str:
     """Say what keeps a record from being used; empty where nothing does."""
     if not isinstance(record, FileKind) or record.format != RIG_FORMAT:
         return "and its record is no kind of rig"
@@ -138,10 +142,12 @@ def _fault_of(record: object, word: str) -> str:
     if not isinstance(record.verbs, tuple) or not {*record.verbs} <= {*RIG_VERBS}:
         return f"and its verbs are no tuple of {', '.join(RIG_VERBS)}"
     tables = (record.reasons, record.options)
-    return "" if all(isinstance(one, Mapping) for one in tables) else "and a table of it is none"
+    return (
+        "" if all(isinstance(table, Mapping) for table in tables) else "and a table of it is none"
+    )
 
 
-_RIG_KINDS: Registry[FileKind] = Registry("anhyst.kinds", {}, _fault_of)
+_RIG_KINDS: Registry[FileKind] = Registry("anhyst.kinds", {}, _find_fault)
 
 
 def rig_kinds() -> Mapping[str, FileKind]:
@@ -154,93 +160,108 @@ def rig_kinds() -> Mapping[str, FileKind]:
     return {kind.word: kind for kind in kinds}
 
 
-def why_unusable(word: object) -> str:
+def explain_unusable(word: object) -> str:
     """Say why no record of that word can be used, if a package adds one; empty otherwise."""
-    return _RIG_KINDS.why_unusable(word)
+    return _RIG_KINDS.explain_unusable(word)
 
 
-def kinds_for(verb: str) -> tuple[FileKind, ...]:
+def accepted_kinds(verb: str) -> tuple[FileKind, ...]:
     """Return what the first argument of a verb may be."""
-    every = (MODEL, *rig_kinds().values(), MEASUREMENT, COMPILED, PORT)
-    return tuple(kind for kind in every if verb in kind.verbs)
+    all_kinds = (
+        MODEL_FILE,
+        *rig_kinds().values(),
+        MEASUREMENT_FILE,
+        COMPILED_FOLDER,
+        CONTROLLER_PORT,
+    )
+    return tuple(kind for kind in all_kinds if verb in kind.verbs)
 
 
-MEASUREMENTS = frozenset(
+MEASUREMENT_SUFFIXES = frozenset(
     {".csv", ".tsv", ".asc", ".lvm", ".mat", ".mf4", ".mdf", ".tdms", ".h5", ".hdf5", ".parquet"}
     | {".xlsx", ".xlsm"}
 )
 """Endings of files that hold nothing else; ``.txt`` and ``.dat`` may be anything."""
 
 
-def kind_in(content: Mapping[str, object]) -> FileKind:
+def content_kind(content: Mapping[str, object]) -> FileKind:
     """Return the kind of a TOML file from its contents."""
-    text, control = content.get("format"), content.get("control")
-    if text == RIG_FORMAT:
+    file_format, control = content.get("format"), content.get("control")
+    if file_format == RIG_FORMAT:
         if not _RIG_KINDS:
-            return RIG_OF_NO_KIND
+            return UNSUPPORTED_RIG_FILE
         word = control.get("kind") if isinstance(control, dict) else None
-        return rig_kinds().get(word, UNKNOWN) if isinstance(word, str) else UNKNOWN
-    return next((kind for kind in (MODEL, CONTROLLER, CALIBRATION) if kind.word == text), UNKNOWN)
+        return rig_kinds().get(word, UNKNOWN_FILE) if isinstance(word, str) else UNKNOWN_FILE
+    return next(
+        (
+            kind
+            for kind in (MODEL_FILE, CONTROLLER_FILE, CALIBRATION_FILE)
+            if kind.word == file_format
+        ),
+        UNKNOWN_FILE,
+    )
 
 
-def kind_of(path: PathLike) -> FileKind:
+def file_kind(path: PathLike) -> FileKind:
     """Return what a file or a folder is; unknown where it says nothing or cannot be read.
 
     Whoever reads it then says what is wrong with it.
     """
     file = Path(path)
     if file.is_dir():
-        return _kind_of_folder(file / "manifest.json")
+        return _folder_kind(file / "manifest.json")
     if not file.is_file():  # a port must not be read from
-        return UNKNOWN
-    if file.suffix.lower() in MEASUREMENTS:
-        return MEASUREMENT
+        return UNKNOWN_FILE
+    if file.suffix.lower() in MEASUREMENT_SUFFIXES:
+        return MEASUREMENT_FILE
     try:
-        return kind_in(tomllib.loads(file.read_text(encoding="utf-8")))
+        return content_kind(tomllib.loads(file.read_text(encoding="utf-8")))
     except (OSError, ValueError, RecursionError):
-        return UNKNOWN
+        return UNKNOWN_FILE
 
 
-def _kind_of_folder(manifest: Path) -> FileKind:
+def _folder_kind(manifest: Path) -> FileKind:
     """Return what a folder is by its manifest; a package has its files in other places."""
     if not manifest.is_file():
-        return UNKNOWN
+        return UNKNOWN_FILE
     try:
         content = json.loads(manifest.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
-        return COMPILED
-    return PACKAGE if isinstance(content, dict) and "package" in content else COMPILED
+        return COMPILED_FOLDER
+    return PACKAGE_FOLDER if isinstance(content, dict) and "package" in content else COMPILED_FOLDER
 
 
-def refuse_other(
+def require_kind(
     path: PathLike,
-    taken: Collection[FileKind],
+    accepted: Collection[FileKind],
     verb: str = "",
-    kind_in_file: FileKind | None = None,
+    known_kind: FileKind | None = None,
 ) -> FileKind:
     """Return what a file is, or refuse one of another kind and name the verbs that take it.
 
     ``kind_in_file`` is what it is, where that is known already.
     """
-    kind = kind_of(path) if kind_in_file is None else kind_in_file
-    if kind is RIG_OF_NO_KIND:
+    kind = file_kind(path) if known_kind is None else known_kind
+    if kind is UNSUPPORTED_RIG_FILE:
         raise InputError(
             f"{path}: this is a rig file; the package anhyst-rigs is for rigs: pip install anhyst-rigs",
             code="not-installed",
         )
-    if kind in taken or kind is UNKNOWN:
+    if kind in accepted or kind is UNKNOWN_FILE:
         return kind
     if verb:
-        names = _listed([one.plural for one in taken], "and")
+        names = _join_words([other.plural for other in accepted], "and")
         reason = f": {kind.reasons[verb]}" if verb in kind.reasons else ""
-        needed = f"{verb} is for {names}{reason}"
+        requirement = f"{verb} is for {names}{reason}"
     else:
-        needed = f"{_listed([one.title for one in taken], 'or')} is needed"
-    raise InputError(f"{path}: this is {kind.title}; {needed}; {kind.usage}", code="wrong-kind")
+        requirement = f"{_join_words([one.title for one in accepted], 'or')} is needed"
+    raise InputError(
+        f"{path}: this is {kind.title}; {requirement}; {kind.usage}", code="wrong-kind"
+    )
 
 
-def _listed(words: Sequence[str], last: str) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
+def _join_words(words: Sequence[str], conjunction: str) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {conjunction} {words[-1]}"
 
 
 MethodName = Literal[
@@ -269,7 +290,7 @@ METHOD_TITLES: Mapping[MethodName, str] = {
     "fused": "full, and measured flux density",
 }
 """Every method in words."""
-PROBED: tuple[MethodName, ...] = ("flux", "fused")
+FLUX_PROBE_METHODS: tuple[MethodName, ...] = ("flux", "fused")
 """Those that need a flux probe."""
 
 

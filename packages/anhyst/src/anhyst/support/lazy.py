@@ -9,24 +9,28 @@ from pkgutil import iter_modules
 from typing import Any
 
 
-def lazy_names(package: str, nouns: Mapping[str, str]) -> tuple[list[str], Callable[[str], Any]]:
+def lazy_names(
+    package: str, class_modules: Mapping[str, str]
+) -> tuple[list[str], Callable[[str], Any]]:
     """Return all public names of a package, and what finds one: its ``__getattr__``.
 
     The verbs are the files of its folder ``verbs``; ``nouns`` has the module of each other name,
     without the name of the package. All packages have one version.
     """
     folder = import_module(f"{package}.verbs")
-    places = {one.name: f"verbs.{one.name}" for one in iter_modules(folder.__path__)} | dict(nouns)
+    modules = {verb.name: f"verbs.{verb.name}" for verb in iter_modules(folder.__path__)} | dict(
+        class_modules
+    )
 
-    def find(name: str) -> Any:
+    def load_name(name: str) -> Any:
         if name == "__version__":
             from anhyst.support import running_version
 
             return running_version()
-        if name not in places:
+        if name not in modules:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        found = getattr(import_module(f"{package}.{places[name]}"), name)
+        found = getattr(import_module(f"{package}.{modules[name]}"), name)
         setattr(sys.modules[package], name, found)
         return found
 
-    return sorted({"__version__", *places}), find
+    return sorted({"__version__", *modules}), load_name

@@ -61,9 +61,9 @@ class Cell:
 
 Row = tuple[Cell, ...]
 
-MOST_LETTERS = 115
+MAX_TABLE_LETTERS = 115
 """Letters side by side, with those that the space between columns takes up, on the page."""
-_BETWEEN = 2
+_COLUMN_GAP_LETTERS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +78,13 @@ class PageTable:
     kind: str = "table"
 
     @property
-    def wide(self) -> bool:
+    def is_wide(self) -> bool:
         """Whether it is wider than a page, so that it has to be set smaller and wrapped."""
         columns = zip(self.head, *([cell.text for cell in row] for row in self.rows), strict=True)
-        return sum(max(map(len, column)) + _BETWEEN for column in columns) > MOST_LETTERS
+        return (
+            sum(max(map(len, column)) + _COLUMN_GAP_LETTERS for column in columns)
+            > MAX_TABLE_LETTERS
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +108,7 @@ class Section:
     blocks: tuple[Block, ...] = field(default=())
 
 
-def table(
+def make_table(
     title: str,
     head: Sequence[str],
     rows: Sequence[Sequence[str | Cell]],
@@ -113,10 +116,10 @@ def table(
     texts: int = 1,
 ) -> PageTable:
     """Make a table of texts and cells."""
-    made = tuple(
+    cell_rows = tuple(
         tuple(cell if isinstance(cell, Cell) else Cell(cell) for cell in row) for row in rows
     )
-    return PageTable(title, tuple(head), made, caption, texts)
+    return PageTable(title, tuple(head), cell_rows, caption, texts)
 
 
 TEMPLATE = "page.html.j2"
@@ -126,7 +129,7 @@ TEMPLATE = "page.html.j2"
 class Tile:
     """One large number at the head of a page, with its label."""
 
-    figure: str
+    value: str
     name: str
     detail: str
 
@@ -136,12 +139,12 @@ class Headline:
     """The head of a page: its verdict and key figures."""
 
     title: str
-    what: str
+    description: str
     basis: str
     notes: tuple[Note, ...]
     tiles: tuple[Tile, ...]
     comparison: PageTable | None
-    holds: str
+    validity: str
 
 
 def render_page(
@@ -168,13 +171,15 @@ def _template() -> Template:
 
 MINUS = "\N{MINUS SIGN}"
 NBSP = "\N{NO-BREAK SPACE}"
-NOT_KNOWN = "\N{EN DASH}"
+UNKNOWN_TEXT = "\N{EN DASH}"
 
-GREEK: Mapping[str, str] = MappingProxyType({"rho": "ρ", "alpha": "α", "gamma": "γ", "psi": "ψ"})
+GREEK_LETTERS: Mapping[str, str] = MappingProxyType(
+    {"rho": "ρ", "alpha": "α", "gamma": "γ", "psi": "ψ"}
+)
 
 _PREFIXES = (("M", 1e6), ("k", 1e3), ("", 1.0), ("m", 1e-3), ("µ", 1e-6), ("n", 1e-9))
-_PREFIXED = frozenset({"A", "A/m", "V", "N", "T", "Wb", "s", "Pa", "Hz"})
-_WRITTEN = {"1": "", "degC": "°C"}
+_PREFIXABLE_UNITS = frozenset({"A", "A/m", "V", "N", "T", "Wb", "s", "Pa", "Hz"})
+_DISPLAY_UNITS = {"1": "", "degC": "°C"}
 _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
@@ -185,31 +190,35 @@ class Scale:
     factor: float
     unit: str
 
-    def number(self, value: float | None, digits: int = 3, *, short: bool = False) -> str:
+    def format(self, value: float | None, digits: int = 3, *, short: bool = False) -> str:
         """Text of an SI value without its unit; ``short`` drops zeros at its end."""
-        return NOT_KNOWN if value is None else number(value * self.factor, digits, short=short)
+        return (
+            UNKNOWN_TEXT
+            if value is None
+            else format_number(value * self.factor, digits, short=short)
+        )
 
-    def show(self, value: float | None, digits: int = 3, *, short: bool = False) -> str:
+    def format_with_unit(self, value: float | None, digits: int = 3, *, short: bool = False) -> str:
         """Text of an SI value with its unit."""
         if value is None:
-            return NOT_KNOWN
-        return f"{self.number(value, digits, short=short)}{NBSP}{self.unit}".rstrip()
+            return UNKNOWN_TEXT
+        return f"{self.format(value, digits, short=short)}{NBSP}{self.unit}".rstrip()
 
-    def span(self, low: float, high: float, digits: int = 3) -> str:
+    def format_range(self, low: float, high: float, digits: int = 3) -> str:
         """Text of a range of SI values with its unit."""
-        return f"{self.number(low, digits, short=True)} to {self.show(high, digits, short=True)}"
+        return f"{self.format(low, digits, short=True)} to {self.format_with_unit(high, digits, short=True)}"
 
-    def head(self, name: str) -> str:
+    def heading(self, name: str) -> str:
         """Text for the head of a column or an axis: what it is, and the unit in brackets."""
         return f"{name} [{self.unit}]" if self.unit else name
 
 
-def scale_of(unit: str, values: Iterable[float | None]) -> Scale:
+def choose_scale(unit: str, values: Iterable[float | None]) -> Scale:
     r"""Choose the unit in which values are easiest to read.
 
-    >>> scale_of("m", [0.3e-3, 0.6e-3]).span(0.3e-3, 0.6e-3)
+    >>> choose_scale("m", [0.3e-3, 0.6e-3]).format_range(0.3e-3, 0.6e-3)
     '0.3 to 0.6\xa0mm'
-    >>> scale_of("A/m", [55e3]).show(54997.2)
+    >>> choose_scale("A/m", [55e3]).format_with_unit(54997.2)
     '55.0\xa0kA/m'
     """
     largest = max((abs(v) for v in values if v is not None and math.isfinite(v)), default=0.0)
@@ -217,93 +226,95 @@ def scale_of(unit: str, values: Iterable[float | None]) -> Scale:
         if largest >= 1.0:
             return Scale(1.0, "m")
         return Scale(1e3, "mm") if largest >= 0.05e-3 or largest == 0.0 else Scale(1e6, "µm")
-    if unit not in _PREFIXED or largest == 0.0 or 0.1 <= largest < 5e3:
-        return Scale(1.0, _WRITTEN.get(unit, unit))
+    if unit not in _PREFIXABLE_UNITS or largest == 0.0 or 0.1 <= largest < 5e3:
+        return Scale(1.0, _DISPLAY_UNITS.get(unit, unit))
     for prefix, size in _PREFIXES:
         if largest >= size:
             return Scale(1.0 / size, prefix + unit)
     return Scale(1e9, "n" + unit)
 
 
-def scale_for(quantity: Quantity, values: Iterable[float | None]) -> Scale:
+def quantity_scale(quantity: Quantity, values: Iterable[float | None]) -> Scale:
     """Choose the unit for values of a quantity; displacements below 1 mm come out in µm."""
-    sizes = list(values)
-    largest = max((abs(value) for value in sizes if value is not None), default=0.0)
+    listed_values = list(values)
+    largest = max((abs(value) for value in listed_values if value is not None), default=0.0)
     if quantity.name == "displacement" and 0.0 < largest < 1e-3:
         return Scale(1e6, "µm")
-    return scale_of(quantity.unit, sizes)
+    return choose_scale(quantity.unit, listed_values)
 
 
-def number(value: float, digits: int = 3, *, short: bool = False) -> str:
+def format_number(value: float, digits: int = 3, *, short: bool = False) -> str:
     """Write a number with a number of significant digits, never rounding before the point.
 
-    >>> number(0.76436), number(1234.4), number(0.3), number(0.3, short=True), number(2.5e-7)
-    ('0.764', '1234', '0.300', '0.3', '2.5×10⁻⁷')
+    >>> format_number(0.76436), format_number(1234.4), format_number(2.5e-7)
+    ('0.764', '1234', '2.5×10⁻⁷')
+    >>> format_number(0.3), format_number(0.3, short=True)
+    ('0.300', '0.3')
     """
     if not math.isfinite(value):
-        return NOT_KNOWN if math.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
+        return UNKNOWN_TEXT if math.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
     if value == 0.0:
         return "0"
     scaled, _, exponent = f"{value:.{digits - 1}e}".partition("e")
     power = int(exponent)  # of the rounded value: 9.996 has two digits before the point
     if not -5 <= power < 7:
-        plain = scaled.rstrip("0").rstrip(".") if "." in scaled else scaled
-        text = f"{plain}×10{str(power).translate(_SUPERSCRIPT)}"
+        mantissa = scaled.rstrip("0").rstrip(".") if "." in scaled else scaled
+        text = f"{mantissa}×10{str(power).translate(_SUPERSCRIPT)}"
     else:
         text = f"{value:.{max(0, digits - 1 - power)}f}"
         text = text.rstrip("0").rstrip(".") if short and "." in text else text
     return text.replace("-", MINUS)
 
 
-def percent(share: float | None, digits: int = 2) -> str:
+def format_percent(share: float | None, digits: int = 2) -> str:
     r"""Write a share of one as a percentage.
 
-    >>> percent(0.002622), percent(1.5), percent(float("inf"))
+    >>> format_percent(0.002622), format_percent(1.5), format_percent(float("inf"))
     ('0.26\xa0%', '150\xa0%', '∞\xa0%')
     """
-    return NOT_KNOWN if share is None else f"{number(100.0 * share, digits)}{NBSP}%"
+    return UNKNOWN_TEXT if share is None else f"{format_number(100.0 * share, digits)}{NBSP}%"
 
 
-def with_deviation(value: float, deviation: float) -> str:
+def format_deviation(value: float, deviation: float) -> str:
     """Write an estimate with its standard deviation, both to the digits that mean something.
 
-    >>> with_deviation(1.747004, 0.141138), with_deviation(392.274, 7.2005)
+    >>> format_deviation(1.747004, 0.141138), format_deviation(392.274, 7.2005)
     ('1.75 ± 0.14', '392.3 ± 7.2')
-    >>> with_deviation(1.7, float("inf"))
+    >>> format_deviation(1.7, float("inf"))
     '1.70 ± ∞'
     """
     if not (math.isfinite(deviation) and math.isfinite(value)) or deviation <= 0.0:
-        return f"{number(value)} ± {number(deviation)}"
+        return f"{format_number(value)} ± {format_number(deviation)}"
     power = math.floor(math.log10(deviation))
     if not -6 <= power < 6:
-        return f"{number(value)} ± {number(deviation, 2)}"
+        return f"{format_number(value)} ± {format_number(deviation, 2)}"
     decimals = max(0, 1 - power)
     rounded = round(value, decimals) + 0.0  # a negative zero becomes a plain one
     return f"{rounded:.{decimals}f} ± {deviation:.{decimals}f}".replace("-", MINUS)
 
 
-def label(quantity: Quantity, scale: Scale) -> str:
+def axis_label(quantity: Quantity, scale: Scale) -> str:
     """Text for an axis: the quantity, its symbol and the unit it is shown in."""
-    name = name_of(quantity)
-    return scale.head(name if name == quantity.symbol else f"{name} {symbol_of(quantity)}")
+    name = display_name(quantity)
+    return scale.heading(name if name == quantity.symbol else f"{name} {display_symbol(quantity)}")
 
 
-def symbol_of(quantity: Quantity) -> str:
+def display_symbol(quantity: Quantity) -> str:
     """Give the symbol of a quantity, Greek where it is spelt out in files."""
-    return GREEK.get(quantity.symbol, quantity.symbol)
+    return GREEK_LETTERS.get(quantity.symbol, quantity.symbol)
 
 
-def written(text: str) -> str:
+def typeset(text: str) -> str:
     """Set a text of the model file as a reader expects it: minus signs, dots for products."""
     text = re.sub(r"(?<=\s)-(?=\d)", MINUS, text.replace("*", "·"))
     return re.sub(r"(?<=\d) (?=mm|°C|%)", NBSP, text)
 
 
-def shown_at(quantity: Quantity, value: float) -> str:
+def schedule_text(quantity: Quantity, value: float) -> str:
     """Text for a value of the scheduling variable, such as ``gap 0.3 mm``."""
     return quantity.show(value).replace("-", MINUS)
 
 
-def name_of(quantity: Quantity) -> str:
+def display_name(quantity: Quantity) -> str:
     """Name of a quantity in a sentence."""
     return quantity.name.replace("_", " ")

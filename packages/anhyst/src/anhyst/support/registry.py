@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Generic, TypeVar, cast
 
-PARTS: Mapping[str, tuple[str, ...]] = {
+PROJECT_PACKAGES: Mapping[str, tuple[str, ...]] = {
     "anhyst-rigs": (
         *("calibrate", "excite", "fleet", "force_control", "init", "live", "simulate", "tune"),
         *("watch", "xcp"),
@@ -24,35 +24,42 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 }
 """The other packages of this project, and their verbs; nobody replaces what they add."""
 
-Thing = TypeVar("Thing")
+Entry = TypeVar("Entry")
 
 
 @cache
-def _every_point() -> tuple[EntryPoint, ...]:
+def _all_entry_points() -> tuple[EntryPoint, ...]:
     """Return the entry points for anhyst of all packages; of two copies of one, those of the first."""
-    found: dict[tuple[str, str, str], EntryPoint] = {}
+    first_copies: dict[tuple[str, str, str], EntryPoint] = {}
     for package in distributions():
         try:
-            points = [one for one in package.entry_points if one.group.startswith("anhyst.")]
+            points = [entry for entry in package.entry_points if entry.group.startswith("anhyst.")]
             for point in points:
-                found.setdefault((package.name, point.group, point.name), point)
+                first_copies.setdefault((package.name, point.group, point.name), point)
         except Exception:  # metadata of any package may be damaged; it then adds nothing
             continue
-    return tuple(found.values())
+    return tuple(first_copies.values())
 
 
-def points_of(group: str) -> list[EntryPoint]:
+def entry_points_in(group: str) -> list[EntryPoint]:
     """Return the entry points of a group, those of this project first."""
-    found = [point for point in _every_point() if point.group == group]
-    return sorted(found, key=lambda one: (package_of(one) not in PARTS, package_of(one), one.name))
+    found = [point for point in _all_entry_points() if point.group == group]
+    return sorted(
+        found,
+        key=lambda entry: (
+            package_name(entry) not in PROJECT_PACKAGES,
+            package_name(entry),
+            entry.name,
+        ),
+    )
 
 
-def package_of(point: EntryPoint) -> str:
+def package_name(point: EntryPoint) -> str:
     """Return the name of the package that has an entry point."""
     return (point.dist.name if point.dist else None) or point.value
 
 
-def loaded(point: EntryPoint) -> object:
+def load_entry_point(point: EntryPoint) -> object:
     """Return what an entry point leads to; ValueError where it cannot be loaded, for any reason.
 
     What its module prints goes to standard error: standard output is for results.
@@ -66,7 +73,7 @@ def loaded(point: EntryPoint) -> object:
         raise ValueError(f"cannot be loaded ({error})") from error
 
 
-class Registry(Mapping[str, Thing], Generic[Thing]):
+class Registry(Mapping[str, Entry], Generic[Entry]):
     """Own things of a sort, and those of installed packages, which are loaded once they are asked for.
 
     ``own`` is what no package replaces, nor does it take a name in ``taken``. ``group`` is that of the
@@ -78,81 +85,81 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
     def __init__(
         self,
         group: str,
-        own: Mapping[str, Thing],
-        fault_of: Callable[[object, str], str],
+        builtin: Mapping[str, Entry],
+        find_fault: Callable[[object, str], str],
         *,
         prefix: str = "",
-        taken: Collection[str] = (),
+        reserved: Collection[str] = (),
     ) -> None:
-        self._group, self._own, self._fault_of = group, dict(own), fault_of
-        self._prefix, self._taken = prefix, {*own, *taken}
+        self._group, self._builtin, self._find_fault = group, dict(builtin), find_fault
+        self._prefix, self._reserved = prefix, {*builtin, *reserved}
 
     @cached_property
-    def _found(self) -> tuple[dict[str, Thing], dict[str, str]]:
+    def _plugins(self) -> tuple[dict[str, Entry], dict[str, str]]:
         """What packages add by name, and why something cannot be used."""
-        added: dict[str, Thing] = {}
-        whose: dict[str, str] = {}
+        added: dict[str, Entry] = {}
+        owner: dict[str, str] = {}
         unusable: dict[str, str] = {}
-        for point in points_of(self._group):
-            name, package = f"{self._prefix}{point.name}", package_of(point)
-            if name in self._taken or whose.get(name) in PARTS:
+        for point in entry_points_in(self._group):
+            name, package = f"{self._prefix}{point.name}", package_name(point)
+            if name in self._reserved or owner.get(name) in PROJECT_PACKAGES:
                 continue
             try:
-                thing = loaded(point)
+                entry = load_entry_point(point)
             except ValueError as error:
                 unusable[name] = f"{package} adds it and {error}; update it"
                 continue
-            if fault := self._fault_of(thing, point.name):
+            if fault := self._find_fault(entry, point.name):
                 unusable[name] = f"{package} adds it, {fault}; update it"
-            elif name in added and added[name] is not thing:
-                unusable[name] = f"{whose[name]} and {package} both add it; remove one of them"
+            elif name in added and added[name] is not entry:
+                unusable[name] = f"{owner[name]} and {package} both add it; remove one of them"
             else:
-                added[name], whose[name] = cast(Thing, thing), package
-        return {name: one for name, one in added.items() if name not in unusable}, unusable
+                added[name], owner[name] = cast(Entry, entry), package
+        return {name: usable for name, usable in added.items() if name not in unusable}, unusable
 
     @property
-    def added(self) -> Mapping[str, Thing]:
+    def plugins(self) -> Mapping[str, Entry]:
         """What packages add."""
-        return self._found[0]
+        return self._plugins[0]
 
-    def why_unusable(self, name: object) -> str:
+    def explain_unusable(self, name: object) -> str:
         """Say why nothing of that name can be used, if a package adds one; empty otherwise."""
-        if not isinstance(name, str) or name in self._taken:
+        if not isinstance(name, str) or name in self._reserved:
             return ""
-        return self._found[1].get(name, "")
+        return self._plugins[1].get(name, "")
 
-    def __getitem__(self, name: str) -> Thing:
+    def __getitem__(self, name: str) -> Entry:
         """Return the thing of a name; an own one without a look at packages."""
-        return self._own[name] if name in self._own else self.added[name]
+        return self._builtin[name] if name in self._builtin else self.plugins[name]
 
     def __iter__(self) -> Iterator[str]:
         """Give the names, own ones first."""
-        yield from self._own
-        yield from self.added
+        yield from self._builtin
+        yield from self.plugins
 
     def __len__(self) -> int:
         """Count them."""
-        return len(self._own) + len(self.added)
+        return len(self._builtin) + len(self.plugins)
 
 
 def package_at_fault(error: BaseException) -> str:
     """Return the package of another author in whose code an error was raised; else nothing."""
-    tops = {_top_of(point): package_of(point) for point in _every_point()}
-    last, frame = "", error.__traceback__
+    package_of_module = {_top_module(point): package_name(point) for point in _all_entry_points()}
+    culprit, frame = "", error.__traceback__
     while frame is not None:
-        top = str(frame.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
-        last = tops.get(top, "" if top == "anhyst" else last)
+        module = str(frame.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
+        culprit = package_of_module.get(module, "" if module == "anhyst" else culprit)
         frame = frame.tb_next
-    return "" if last in PARTS else last
+    return "" if culprit in PROJECT_PACKAGES else culprit
 
 
-def _top_of(point: EntryPoint) -> str:
+def _top_module(point: EntryPoint) -> str:
     return point.value.partition(":")[0].partition(".")[0].strip()
 
 
-def packages_that_add() -> list[Path]:
+def plugin_paths() -> list[Path]:
     """Return the folders, or the files, of all packages that add something to anhyst."""
-    tops = set(map(_top_of, _every_point()))
-    specs = [find_spec(name) for name in sorted(tops) if name.isidentifier()]
+    modules = set(map(_top_module, _all_entry_points()))
+    specs = [find_spec(name) for name in sorted(modules) if name.isidentifier()]
     folders = (spec.submodule_search_locations or [spec.origin or ""] for spec in specs if spec)
     return [Path(place) for places in folders for place in places if place]

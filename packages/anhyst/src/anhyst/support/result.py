@@ -60,7 +60,7 @@ class Result(ABC):
         self.draw(ax)
         if ax.get_legend_handles_labels()[1]:
             ax.legend(frameon=False, fontsize="small")
-        dress(ax)
+        style_axes(ax)
         return ax
 
     def as_dict(self) -> Mapping[str, Any]:
@@ -126,7 +126,7 @@ def html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return f"<table>{body}</table>"
 
 
-def dress(ax: Axes) -> None:
+def style_axes(ax: Axes) -> None:
     """Add a grid to the axes and remove the top and right spines."""
     ax.grid(visible=True, alpha=0.25, lw=0.6)
     ax.spines[["top", "right"]].set_visible(False)
@@ -137,23 +137,23 @@ def range_text(low: float, high: float, unit: str) -> str:
     return f"{low:.4g} to {high:.4g} {unit}"
 
 
-def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
+def rows_to_columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
     """Turn rows of the same names into columns."""
     return {name: [row[name] for row in rows] for name in rows[0]} if rows else {}
 
 
-MOST_POINTS = 20_000
+MAX_LINE_POINTS = 20_000
 """Lines are drawn with at most about this many points."""
 
 
-Shades = dict[float | None, tuple[float, float, float, float]]
+ScheduleColours = dict[float | None, tuple[float, float, float, float]]
 
 
-def shades(values: Sequence[float], *, moving: bool = False) -> Shades:
+def schedule_colours(values: Sequence[float], *, has_moving: bool = False) -> ScheduleColours:
     """Colour of each scheduling value, dark to light; ``None`` stands for moving ones."""
     from matplotlib import colormaps
 
-    groups: list[float | None] = [*values, *([None] if moving else [])]
+    groups: list[float | None] = [*values, *([None] if has_moving else [])]
     positions = np.linspace(0.0, 0.85, max(len(groups), 2))
     colours = [tuple(colour) for colour in colormaps["viridis"](positions).tolist()]
     return dict(zip(groups, colours, strict=False))
@@ -173,6 +173,6 @@ def length_scale(output: Quantity) -> tuple[float, str]:
     return 1.0, output.label
 
 
-def few(n: int) -> slice:
+def thinning_slice(sample_count: int) -> slice:
     """Return which of ``n`` samples are drawn."""
-    return slice(None, None, 1 + n // MOST_POINTS)
+    return slice(None, None, 1 + sample_count // MAX_LINE_POINTS)

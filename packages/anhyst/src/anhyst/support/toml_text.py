@@ -8,7 +8,7 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 
-Path = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 
 _KEY_PART = re.compile(r"""[ \t]*("(?:\\.|[^"\\])*"|'[^']*'|[A-Za-z0-9_-]+)[ \t]*""")
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
@@ -36,10 +36,10 @@ def toml_value(value: object) -> str:
         case float():
             return repr(float(value)) if math.isfinite(value) else str(float(value))
         case str():
-            return _string(value)
+            return _quote(value)
         case Mapping():
-            inside = ", ".join(f"{toml_key(k)} = {toml_value(v)}" for k, v in value.items())
-            return f"{{ {inside} }}" if inside else "{}"
+            pairs = ", ".join(f"{toml_key(k)} = {toml_value(v)}" for k, v in value.items())
+            return f"{{ {pairs} }}" if pairs else "{}"
         case Sequence():
             return f"[{', '.join(toml_value(item) for item in value)}]"
     raise TypeError(f"TOML has no {type(value).__name__}")
@@ -47,16 +47,16 @@ def toml_value(value: object) -> str:
 
 def toml_key(key: str) -> str:
     """Write a key as TOML, quoted only where it has to be."""
-    return key if _BARE_KEY.fullmatch(key) else _string(key)
+    return key if _BARE_KEY.fullmatch(key) else _quote(key)
 
 
-def _string(text: str) -> str:
+def _quote(text: str) -> str:
     # File names may hold bytes that are no text; TOML cannot.
     clean = text.encode("utf-8", "replace").decode("utf-8")
     return json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-COLUMN = 38
+COMMENT_COLUMN = 38
 """Where comments begin, if the value leaves room."""
 
 
@@ -66,13 +66,13 @@ def with_comment(text: str, comment: str) -> str:
     >>> with_comment("a = 1", "first")
     'a = 1                                 # first'
     """
-    return f"{text.ljust(COLUMN - 1)} # {comment}"
+    return f"{text.ljust(COMMENT_COLUMN - 1)} # {comment}"
 
 
-def parts_of(line: str) -> tuple[str, str]:
+def split_comment(line: str) -> tuple[str, str]:
     """Return the value of a line of TOML that is whole by itself, as written, and its comment.
 
-    >>> parts_of('a = "#1"  # first')
+    >>> split_comment('a = "#1"  # first')
     ('"#1"', 'first')
     """
     for end in (*(at for at, letter in enumerate(line) if letter == "#"), len(line)):
@@ -84,7 +84,7 @@ def parts_of(line: str) -> tuple[str, str]:
     return "", line.rpartition("#")[2].strip() if "#" in line else ""
 
 
-def key_lines(text: str) -> dict[Path, int]:
+def key_lines(text: str) -> dict[KeyPath, int]:
     r"""Find the line of every table and key in a TOML text that parses.
 
     >>> key_lines('a = 1\n[[b]]\nc = "x"\n')
@@ -99,41 +99,41 @@ class _Scanner:
     def __init__(self, text: str) -> None:
         self.text = text
         self.position = 0
-        self.lines: dict[Path, int] = {}
-        self.last_index: dict[Path, int] = {}
+        self.lines: dict[KeyPath, int] = {}
+        self.last_index: dict[KeyPath, int] = {}
 
-    def scan(self) -> dict[Path, int]:
-        table: Path = ()
+    def scan(self) -> dict[KeyPath, int]:
+        table: KeyPath = ()
         while (start := _BLANK.match(self.text, self.position)) and start.end() < len(self.text):
             self.position = start.end()
             line = self.text.count("\n", 0, self.position) + 1
             if self.text[self.position] == "[":
-                table = self._header()
+                table = self._read_header()
                 path = table
             else:
-                path = table + tuple(self._key())
+                path = table + tuple(self._read_key())
                 self.position += 1  # the equals sign
                 self._skip_value()
             self.lines.setdefault(path, line)
         return self.lines
 
-    def _header(self) -> Path:
+    def _read_header(self) -> KeyPath:
         is_array = self.text.startswith("[[", self.position)
         self.position += 2 if is_array else 1
-        parts = self._key()
+        parts = self._read_key()
         self.position += 2 if is_array else 1
-        path: Path = ()
+        path: KeyPath = ()
         for part in parts:
-            path = (*self._element(path), part)
+            path = (*self._with_index(path), part)
         if is_array:
             self.last_index[path] = self.last_index.get(path, -1) + 1
-        return self._element(path)
+        return self._with_index(path)
 
-    def _element(self, path: Path) -> Path:
+    def _with_index(self, path: KeyPath) -> KeyPath:
         """Name the latest element where the path is that of an array of tables."""
         return (*path, self.last_index[path]) if path in self.last_index else path
 
-    def _key(self) -> list[str]:
+    def _read_key(self) -> list[str]:
         parts = []
         while match := _KEY_PART.match(self.text, self.position):
             written = match[1]

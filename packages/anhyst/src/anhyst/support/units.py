@@ -17,15 +17,15 @@ import numpy as np
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.vocabulary import (
+    QUANTITY_WORDS,
     RAW_UNITS,
-    WORDS,
     fold,
     has_qualifier,
     is_drive,
     is_formula,
     named_quantities,
+    split_words,
     symbol_of_word,
-    words_of,
 )
 
 MU_0 = 4.0e-7 * math.pi
@@ -70,31 +70,31 @@ class Unit:
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "da": 10.0, "k": 1e3, "M": 1e6}
 
 
-def _prefixed(unit: str, prefixes: str = "") -> dict[str, float]:
+def _with_prefixes(unit: str, prefixes: str = "") -> dict[str, float]:
     """Return the scales of a unit alone and with each of some prefixes."""
     return {unit: 1.0} | {prefix + unit: _PREFIXES[prefix] for prefix in prefixes.split()}
 
 
-_FAMILIES: dict[str, tuple[str, dict[str, float]]] = {
-    "current": ("A", _prefixed("A", "u m k")),
+_UNIT_SCALES: dict[str, tuple[str, dict[str, float]]] = {
+    "current": ("A", _with_prefixes("A", "u m k")),
     "field": (
         "A/m",
-        _prefixed("A/m", "k M")
+        _with_prefixes("A/m", "k M")
         | {"A/cm": 1e2, "A/mm": 1e3, "Oe": 1000.0 / (4.0 * math.pi), "kOe": 1e6 / (4.0 * math.pi)},
     ),
-    "voltage": ("V", _prefixed("V", "u m k")),
+    "voltage": ("V", _with_prefixes("V", "u m k")),
     "force": (
         "N",
-        _prefixed("N", "u m c da k M")
+        _with_prefixes("N", "u m c da k M")
         | {unit: kg * STANDARD_GRAVITY_M_PER_S2 for unit, kg in (_FORCES_KG | _WEIGHTS_KG).items()},
     ),
-    "flux_density": ("T", _prefixed("T", "u m") | {"G": 1e-4, "kG": 0.1}),
-    "flux_linkage": ("Wb", _prefixed("Wb", "m u") | _prefixed("Vs", "m u")),
-    "length": ("m", _prefixed("m", "c m u n") | {"in": 0.0254, "ft": 0.3048, "mil": 2.54e-5}),
-    "time": ("s", _prefixed("s", "m u n") | {"min": 60.0, "h": 3600.0}),
-    "moment": ("N_m", _prefixed("N_m")),
-    "pressure": ("Pa", _prefixed("Pa", "k M") | {"bar": 1e5}),
-    "frequency": ("Hz", _prefixed("Hz", "k")),
+    "flux_density": ("T", _with_prefixes("T", "u m") | {"G": 1e-4, "kG": 0.1}),
+    "flux_linkage": ("Wb", _with_prefixes("Wb", "m u") | _with_prefixes("Vs", "m u")),
+    "length": ("m", _with_prefixes("m", "c m u n") | {"in": 0.0254, "ft": 0.3048, "mil": 2.54e-5}),
+    "time": ("s", _with_prefixes("s", "m u n") | {"min": 60.0, "h": 3600.0}),
+    "moment": ("N_m", _with_prefixes("N_m")),
+    "pressure": ("Pa", _with_prefixes("Pa", "k M") | {"bar": 1e5}),
+    "frequency": ("Hz", _with_prefixes("Hz", "k")),
     "angle": ("rad", {"rad": 1.0, "deg": math.pi / 180.0}),
     "number": ("1", {"1": 1.0, "-": 1.0, "%": 0.01, "ppm": 1e-6, "um/m": 1e-6}),
 }
@@ -110,7 +110,7 @@ _TEMPERATURES = (
 UNITS = MappingProxyType(
     {
         symbol: Unit(symbol, dimension, si, scale)
-        for dimension, (si, members) in _FAMILIES.items()
+        for dimension, (si, members) in _UNIT_SCALES.items()
         for symbol, scale in members.items()
     }
     | {unit.symbol: unit for unit in _TEMPERATURES}
@@ -118,7 +118,7 @@ UNITS = MappingProxyType(
 """Every unit a header may carry, by its symbol."""
 
 
-WEIGHTS = frozenset(_WEIGHTS_KG)
+MASS_UNITS = frozenset(_WEIGHTS_KG)
 """Units of mass that are read as the force of a weight."""
 
 
@@ -177,26 +177,26 @@ QUANTITIES = MappingProxyType(
 """The quantities whose headers are understood without a declared unit, by name."""
 
 
-def in_small_unit(quantity: Quantity, largest: float) -> tuple[str, float]:
+def choose_display_unit(quantity: Quantity, largest: float) -> tuple[str, float]:
     """Return the unit that values up to a size are shown in, and what to multiply SI by.
 
-    >>> in_small_unit(QUANTITIES["displacement"], 4e-5), in_small_unit(QUANTITIES["force"], 4e-5)
-    (('µm', 1000000.0), ('N', 1.0))
+    >>> choose_display_unit(QUANTITIES["displacement"], 4e-5)
+    ('µm', 1000000.0)
     """
     if quantity.unit == "m" and largest < 1e-3:
         return "µm", 1e6
     return ("ppm", 1e6) if quantity.unit == "1" and largest < 1e-2 else (quantity.unit, 1.0)
 
 
-INPUTS = ("current", "field", "voltage")
+DRIVE_QUANTITIES = ("current", "field", "voltage")
 """Names of the quantities that drive a loop, first choice first."""
 
 GAP_ADVICE = "gaps count from contact, 0 and up"
 
-LABEL = "loop"
+LOOP_HEADER = "loop"
 """Header of the column that distinguishes loops."""
 
-DIMENSIONS = MappingProxyType(
+QUANTITY_DIMENSIONS = MappingProxyType(
     {
         "displacement": "length",
         "gap": "length",
@@ -215,27 +215,27 @@ _SYMBOLS = {quantity.symbol: name for name, quantity in QUANTITIES.items()} | {
     "Ψ": "flux_linkage",
 }
 _WORDS = {name: name for name in QUANTITIES} | {"air_gap": "gap", "airgap": "gap"}
-_NEEDS_QUANTITY = frozenset({"in", "g", "h", "min", "ft"})
+_AMBIGUOUS_UNITS = frozenset({"in", "g", "h", "min", "ft"})
 """Units that end a name such as ``u_in`` or ``I_min`` only if the name is of their dimension."""
-_CHANNELS = frozenset({"channel", "chan", "ch", "kanal", "kanaal", "canal", "canale", "voie",
+_CHANNEL_WORDS = frozenset({"channel", "chan", "ch", "kanal", "kanaal", "canal", "canale", "voie",
                        "input", "eingang", "port", "analog", "sensor"})  # fmt: skip
 """Names before a letter that counts and is not a unit, such as ``Channel A``."""
-_ABSCISSAS = frozenset({"x", "t", "x-axis", "x_axis", "xaxis"})
+_TIME_AXIS_NAMES = frozenset({"x", "t", "x-axis", "x_axis", "xaxis"})
 """Names of a clock where the unit is one of time."""
-_NO_UNIT = "-"
+_NO_UNIT_MARK = "-"
 """What recorders write where nobody said a unit."""
-_BRACKETS = re.compile(
+_BRACKET_PATTERN = re.compile(
     r"^(?P<name>.*?)[\s_/]*[\[(<{]\s*(?P<unit>[^\[\]()<>{}]*(?:\([^()]*\))?)\s*[\])>}]$"
 )
-_INNER_BRACKETS = re.compile(
+_INNER_BRACKET_PATTERN = re.compile(
     r"^(?P<name>[^\[(<{]+?)[\s_/]*[\[(<{](?P<unit>[^\])>}]+)[\])>}]\s*(?P<tail>.+)$"
 )
 """A unit in brackets before something else, such as ``I [mA] (range 2 A)``."""
-_OTHER_UNITS = re.compile(
+_UNSUPPORTED_UNIT_PATTERN = re.compile(
     r"\w\s*/\s*\(?([mk]?Nm|Nc?m+|[mk]?W|k?Ohm|Ω|rpm|[µun]?C|[kM]?V/[mc]?m)\)?$"
 )
 """Units behind a stroke that no quantity here has."""
-_INVERSE = re.compile(r"^(.+?)[\s.·*]*(cm|mm|m|metre|meter)\s*\^?-1$")
+_PER_LENGTH_PATTERN = re.compile(r"^(.+?)[\s.·*]*(cm|mm|m|metre|meter)\s*\^?-1$")
 """A unit per length, such as ``A m^-1``."""
 
 
@@ -249,7 +249,7 @@ class Header:
     unit: Unit | None
     problem: str | None = None
     stated: str = ""  # unit as written in brackets or in a row of units
-    is_by_word: bool = False  # whether a word of the name and the unit say the quantity
+    is_from_words: bool = False  # whether a word of the name and the unit say the quantity
     target: str | None = None  # what the user maps the column to; None: nothing
     scale: float | None = None  # value in our unit per unit in the file; None: not stated
     is_flipped: bool = False  # whether the sign is reversed
@@ -264,7 +264,7 @@ class Header:
     @property
     def is_certain(self) -> bool:
         """Whether the user maps the column, or its name is our own symbol."""
-        return self.target is not None or split_header(_uncounted(self.text))[0] == self.name
+        return self.target is not None or split_header(_strip_count(self.text))[0] == self.name
 
     @property
     def is_clock(self) -> bool:
@@ -290,7 +290,7 @@ def find_unit(text: str) -> Unit | None:
     plain = text.strip().replace("µ", "u").replace("μ", "u").replace("°", "deg")
     plain = plain.replace("⁻¹", "^-1").replace("''", '"').replace('"', "in")
     plain = re.sub(r"_per_|\s+per\s+", "/", plain)
-    plain = _INVERSE.sub(r"\1/\2", plain)
+    plain = _PER_LENGTH_PATTERN.sub(r"\1/\2", plain)
     top, stroke, bottom = plain.partition("/")
     return UNITS.get(_symbol(top) + stroke + _symbol(bottom))
 
@@ -301,15 +301,15 @@ def _symbol(text: str) -> str:
     return symbol if symbol in UNITS else symbol_of_word(text.strip(". ")) or symbol
 
 
-def unit_of(text: str) -> Unit:
+def require_unit(text: str) -> Unit:
     """Look a unit up or fail."""
     unit = find_unit(text)
     if unit is None:
-        raise InputError(_unknown_unit(text), code="unknown-unit")
+        raise InputError(_unknown_unit_text(text), code="unknown-unit")
     return unit
 
 
-def _uncounted(text: str) -> str:
+def _strip_count(text: str) -> str:
     """Return a header without the count that readers add to a name that comes again."""
     return re.sub(r"(?<=.)#[2-9]\d*$", "", text)
 
@@ -317,73 +317,93 @@ def _uncounted(text: str) -> str:
 def parse_header(text: str, unit: str | None = None) -> Header:
     """Understand a column header; ``#2`` behind it counts headers that are equal."""
     text = text.strip()
-    return replace(_parse_header(_uncounted(text), unit), text=text)
+    return replace(_parse_text(_strip_count(text), unit), text=text)
 
 
-def _parse_header(text: str, unit: str | None) -> Header:
+def _parse_text(text: str, unit: str | None) -> Header:
     """Understand the text of a column header without blanks around it."""
     name, written = split_header(text, unit)
     problem, conflict = None, _find_conflict(text, unit)
     if conflict:
         problem = f"its name says {conflict[0]}, its unit {conflict[1]}"
         name, written = split_header(split_header(text)[0] if unit is None else text)
-    if name.lower() == LABEL:
-        return Header(text, LABEL, None, None)
-    known = _known(name)
-    stated = written if unit or _BRACKETS.match(text) or fold(written) in RAW_UNITS else ""
-    if not written and (other := _OTHER_UNITS.search(text)):
+    if name.lower() == LOOP_HEADER:
+        return Header(text, LOOP_HEADER, None, None)
+    quantity = _find_quantity(name)
+    stated = written if unit or _BRACKET_PATTERN.match(text) or fold(written) in RAW_UNITS else ""
+    if not written and (other := _UNSUPPORTED_UNIT_PATTERN.search(text)):
         stated = other[1]
     axis = find_unit(written) or find_unit(written.lower())
-    if name.lower() in _ABSCISSAS and axis is not None and axis.dimension == "time":
-        known = QUANTITIES["time"]
+    if name.lower() in _TIME_AXIS_NAMES and axis is not None and axis.dimension == "time":
+        quantity = QUANTITIES["time"]
     if name in {"lambda", "λ", "Λ"} and axis is not None and axis.dimension == "flux_linkage":
-        known = QUANTITIES["flux_linkage"]
+        quantity = QUANTITIES["flux_linkage"]
     if problem is not None:
-        known = known or _said(name, find_unit(conflict[1])) or Quantity(name, name, "1")
-        return Header(text, name, known, None, problem, stated, conflict=conflict)
+        quantity = (
+            quantity
+            or _quantity_from_words(name, find_unit(conflict[1]))
+            or Quantity(name, name, "1")
+        )
+        return Header(text, name, quantity, None, problem, stated, conflict=conflict)
     is_gap = not written and named_quantities(name) == {"gap"}
-    if known is None and is_gap and not (has_qualifier(name) or is_formula(name)):
-        known = QUANTITIES["gap"]
-    if known is None and not written:
-        clock, written = _clock(name)
+    if quantity is None and is_gap and not (has_qualifier(name) or is_formula(name)):
+        quantity = QUANTITIES["gap"]
+    if quantity is None and not written:
+        clock, written = _parse_clock(name)
         if clock != name:
             unit_of_clock = find_unit(written)
-            problem = None if unit_of_clock else _unit_problem(QUANTITIES["time"], "", None)
-            return Header(text, clock, QUANTITIES["time"], unit_of_clock, problem, is_by_word=True)
+            problem = (
+                None if unit_of_clock else _describe_unit_problem(QUANTITIES["time"], "", None)
+            )
+            return Header(
+                text, clock, QUANTITIES["time"], unit_of_clock, problem, is_from_words=True
+            )
     header_unit = find_unit(written) if written else None
-    if known is not None and known.unit == "1" and not written:
+    if quantity is not None and quantity.unit == "1" and not written:
         header_unit = UNITS["1"]
-    if known is None and (said := _said(name, header_unit)) is not None:
-        return Header(text, said.symbol, said, header_unit, stated=stated, is_by_word=True)
-    if known is None:
-        free = Quantity(name, name, header_unit.si if header_unit else "1")
-        problem = _unknown_unit(written) if written and not header_unit else None
-        return Header(text, name, free, header_unit, problem, stated)
-    problem = _unit_problem(known, written, header_unit)
-    return Header(text, known.symbol, known, header_unit, problem, stated)
+    if (
+        quantity is None
+        and (quantity_by_words := _quantity_from_words(name, header_unit)) is not None
+    ):
+        return Header(
+            text,
+            quantity_by_words.symbol,
+            quantity_by_words,
+            header_unit,
+            stated=stated,
+            is_from_words=True,
+        )
+    if quantity is None:
+        unknown_quantity = Quantity(name, name, header_unit.si if header_unit else "1")
+        problem = _unknown_unit_text(written) if written and not header_unit else None
+        return Header(text, name, unknown_quantity, header_unit, problem, stated)
+    problem = _describe_unit_problem(quantity, written, header_unit)
+    return Header(text, quantity.symbol, quantity, header_unit, problem, stated)
 
 
-def _clock(name: str) -> tuple[str, str]:
+def _parse_clock(name: str) -> tuple[str, str]:
     """Name a column that can only be a clock by its name ``t`` and its unit, if that is known."""
     unit = find_unit(name)
     if name.lower() == "tout":  # of Simulink, which counts in s
         return "t", "s"
     if unit is not None and unit.dimension == "time" and len(name) > len(unit.symbol):
         return "t", unit.symbol  # a column called 'Seconds'
-    words = set(words_of(name))
-    return ("t", "") if words and words <= WORDS["time"] else (name, "")
+    words = set(split_words(name))
+    return ("t", "") if words and words <= QUANTITY_WORDS["time"] else (name, "")
 
 
-def _said(name: str, unit: Unit | None) -> Quantity | None:
+def _quantity_from_words(name: str, unit: Unit | None) -> Quantity | None:
     """Return the one quantity that the words of a name and the unit agree on."""
-    named = named_quantities(name) if unit is not None else set()
-    fitting = [key for key in named if unit and DIMENSIONS.get(key, key) == unit.dimension]
-    is_doubted = fitting != ["time"] and (has_qualifier(name) or is_formula(name))
-    if len(fitting) != 1 or is_doubted:
+    candidates = named_quantities(name) if unit is not None else set()
+    matches = [
+        key for key in candidates if unit and QUANTITY_DIMENSIONS.get(key, key) == unit.dimension
+    ]
+    is_doubted = matches != ["time"] and (has_qualifier(name) or is_formula(name))
+    if len(matches) != 1 or is_doubted:
         return None
-    if fitting == ["voltage"] and not is_drive(name):
+    if matches == ["voltage"] and not is_drive(name):
         return None
-    return QUANTITIES[fitting[0]]
+    return QUANTITIES[matches[0]]
 
 
 def split_header(text: str, unit: str | None = None) -> tuple[str, str]:
@@ -395,9 +415,11 @@ def split_header(text: str, unit: str | None = None) -> tuple[str, str]:
     text = text.strip()
     stated = (unit or "").strip(" []()")
     name, written = _split_brackets(text)
-    if not stated or (stated == _NO_UNIT and find_unit(written)):
+    if not stated or (stated == _NO_UNIT_MARK and find_unit(written)):
         return name, written
-    return (name, stated) if _same(find_unit(written), find_unit(stated)) else (text, stated)
+    return (
+        (name, stated) if _is_same_unit(find_unit(written), find_unit(stated)) else (text, stated)
+    )
 
 
 def join_header(name: str, unit: str) -> str:
@@ -405,106 +427,128 @@ def join_header(name: str, unit: str) -> str:
     if not unit:
         return name
     header = f"{name}_{unit.replace('/', '_per_')}"
-    plain = find_unit(unit) is not None and _split(header)[0] == name and " " not in header
-    return header if plain and not _BRACKETS.match(header) else f"{name} [{unit}]"
+    plain = (
+        find_unit(unit) is not None and _split_underscore(header)[0] == name and " " not in header
+    )
+    return header if plain and not _BRACKET_PATTERN.match(header) else f"{name} [{unit}]"
 
 
 def _split_brackets(text: str) -> tuple[str, str]:
     """Split a header at the brackets around its unit, wherever they are, or else as `_split`."""
-    brackets, inner = _BRACKETS.match(text), _INNER_BRACKETS.match(text)
+    brackets, inner = _BRACKET_PATTERN.match(text), _INNER_BRACKET_PATTERN.match(text)
     if brackets and find_unit(brackets["unit"]):
         name, written = brackets["name"].strip(), brackets["unit"].strip()
-        own, own_unit = _split_brackets(name) if name else ("", "")
-        return (own, written) if _same(find_unit(own_unit), find_unit(written)) else (name, written)
+        inner_name, inner_unit = _split_brackets(name) if name else ("", "")
+        return (
+            (inner_name, written)
+            if _is_same_unit(find_unit(inner_unit), find_unit(written))
+            else (name, written)
+        )
     if inner and find_unit(inner["unit"]):
         return f"{inner['name']} {inner['tail']}", inner["unit"].strip()
     if brackets:
         name, written = brackets["name"].strip(), brackets["unit"].strip()
-        own, own_unit = _split(name.replace(" ", "_"))
-        return (f"{own} ({written})", own_unit) if find_unit(own_unit) else (name, written)
+        inner_name, inner_unit = _split_underscore(name.replace(" ", "_"))
+        return (
+            (f"{inner_name} ({written})", inner_unit) if find_unit(inner_unit) else (name, written)
+        )
     plain = re.sub(r"\s+in\s+", " ", text)
-    return _split_stroke(text) or _split(plain.replace(" ", "_"))
+    return _split_slash(text) or _split_underscore(plain.replace(" ", "_"))
 
 
-def _split_stroke(text: str) -> tuple[str, str] | None:
+def _split_slash(text: str) -> tuple[str, str] | None:
     """Split ``NAME/UNIT``, ``NAME.UNIT`` and ``ImA``; ``None`` if the text is none of them."""
     pairs = [(text[: cut.start()], text[cut.end() :]) for cut in re.finditer("/", text)]
     pairs += [(text[: cut.start()], text[cut.end() :]) for cut in re.finditer(r"\.", text)]
     pairs += [(sign, text.removeprefix(sign)) for sign in _SYMBOLS
               if text.startswith(sign) and len(text) > len(sign) + 1]  # fmt: skip
-    free = None
+    unknown_split = None
     for head, tail in pairs:
         name, written = head.strip(" _"), tail.strip(" _")
-        unit, known = find_unit(written), _known(name)
-        if unit is None or not name or find_unit(text) or not _may_end(name, unit):
+        unit, quantity = find_unit(written), _find_quantity(name)
+        if unit is None or not name or find_unit(text) or not _can_end_with(name, unit):
             continue
-        names = {known.name} if known else named_quantities(name)
+        names = {quantity.name} if quantity else named_quantities(name)
         is_stroke, is_time = text[len(head)] == "/", name == "T" and unit.dimension == "time"
-        if unit.dimension in {DIMENSIONS.get(one, one) for one in names} or (is_time and is_stroke):
+        if unit.dimension in {QUANTITY_DIMENSIONS.get(one, one) for one in names} or (
+            is_time and is_stroke
+        ):
             return name, written
         # 'J/T' names a column, 'F/A' and 'm/s' are ratios.
-        is_named = len(written) > 1 if known else find_unit(name) is None
-        if free is None and is_stroke and is_named and written != "1":
-            free = name, written
-    return free
+        is_named = len(written) > 1 if quantity else find_unit(name) is None
+        if unknown_split is None and is_stroke and is_named and written != "1":
+            unknown_split = name, written
+    return unknown_split
 
 
 def _find_conflict(text: str, unit: str | None) -> tuple[str, ...]:
     """Return the two different units of a header, in its name and apart from it; empty if none."""
     stated = (unit or "").strip(" []()")
     name, written = split_header(text)
-    if not stated and _BRACKETS.match(text):
+    if not stated and _BRACKET_PATTERN.match(text):
         # Volts of 'I_A [V]' are those of a sensor; A of 'I_mA [A]' are a question.
         inner, outer = find_unit(split_header(name)[1]), find_unit(written)
-        if inner and outer and inner.dimension == outer.dimension and not _same(inner, outer):
+        if (
+            inner
+            and outer
+            and inner.dimension == outer.dimension
+            and not _is_same_unit(inner, outer)
+        ):
             return inner.symbol, outer.symbol
     own = find_unit(written) if written else None
-    if not stated or stated == _NO_UNIT or own is None or _same(own, find_unit(stated)):
+    if (
+        not stated
+        or stated == _NO_UNIT_MARK
+        or own is None
+        or _is_same_unit(own, find_unit(stated))
+    ):
         return ()
     return written, stated
 
 
-def _same(first: Unit | None, other: Unit | None) -> bool:
+def _is_same_unit(first: Unit | None, other: Unit | None) -> bool:
     if first is None or other is None:
         return False
     return replace(first, symbol="") == replace(other, symbol="")
 
 
-def _split(text: str) -> tuple[str, str]:
+def _split_underscore(text: str) -> tuple[str, str]:
     """Split ``name_unit`` at the longest tail that is a unit, or after a known symbol."""
     parts = text.split("_")
     for cut in range(1, len(parts)):
         head, tail = "_".join(parts[:cut]), "_".join(parts[cut:])
         unit = find_unit(tail)
-        if unit and tail not in {"1", "-", "%"} and _may_end(head, unit):
+        if unit and tail not in {"1", "-", "%"} and _can_end_with(head, unit):
             return head.rstrip("_:,-") or head, tail
-    if _known(text) is None and _known(parts[0]) is not None:
+    if _find_quantity(text) is None and _find_quantity(parts[0]) is not None:
         return parts[0], "_".join(parts[1:])
     return text, ""
 
 
-def _may_end(head: str, unit: Unit) -> bool:
+def _can_end_with(head: str, unit: Unit) -> bool:
     """Whether the end of a name is its unit: not the A of 'Channel A', or the min of 'I_min'."""
-    if head.lower() in _CHANNELS:
+    if head.lower() in _CHANNEL_WORDS:
         return False
-    if unit.symbol not in _NEEDS_QUANTITY:
+    if unit.symbol not in _AMBIGUOUS_UNITS:
         return True
-    known = _known(head)
+    known = _find_quantity(head)
     names = {known.name} if known else named_quantities(head)
-    return unit.dimension in {DIMENSIONS.get(name, name) for name in names}
+    return unit.dimension in {QUANTITY_DIMENSIONS.get(name, name) for name in names}
 
 
-def _known(name: str) -> Quantity | None:
+def _find_quantity(name: str) -> Quantity | None:
     key = _SYMBOLS.get(name) or _WORDS.get(name.lower().replace(" ", "_"))
     return QUANTITIES[key] if key else None
 
 
-def _unit_problem(quantity: Quantity, written: str, unit: Unit | None) -> str | None:
-    dimension = DIMENSIONS.get(quantity.name, quantity.name)
-    examples = " or ".join(f"'{quantity.symbol}_{symbol}'" for symbol in _examples(dimension))
+def _describe_unit_problem(quantity: Quantity, written: str, unit: Unit | None) -> str | None:
+    dimension = QUANTITY_DIMENSIONS.get(quantity.name, quantity.name)
+    examples = " or ".join(
+        f"'{quantity.symbol}_{symbol}'" for symbol in _example_symbols(dimension)
+    )
     if unit is None:
         if written:
-            return f"{_unknown_unit(written)}; write {examples}"
+            return f"{_unknown_unit_text(written)}; write {examples}"
         return f"has no unit; call it {examples}"
     if unit.dimension != dimension:
         kind = unit.dimension.replace("_", " ")
@@ -513,7 +557,7 @@ def _unit_problem(quantity: Quantity, written: str, unit: Unit | None) -> str | 
     return None
 
 
-def _examples(dimension: str) -> tuple[str, ...]:
+def _example_symbols(dimension: str) -> tuple[str, ...]:
     if dimension == "temperature":
         return ("C", "K")
     if dimension == "length":
@@ -522,7 +566,7 @@ def _examples(dimension: str) -> tuple[str, ...]:
     return tuple(symbol.replace("/", "_per_") for symbol in symbols[:1])
 
 
-def _unknown_unit(text: str) -> str:
+def _unknown_unit_text(text: str) -> str:
     near = difflib.get_close_matches(text, UNITS, n=2, cutoff=0.5)
     hint = f" (did you mean {' or '.join(near)}?)" if near else ""
     return f"unknown unit '{text}'{hint}"

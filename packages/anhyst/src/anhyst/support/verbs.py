@@ -8,10 +8,15 @@ from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
 
-from anhyst.support.registry import PARTS, loaded, package_of, points_of
+from anhyst.support.registry import (
+    PROJECT_PACKAGES,
+    entry_points_in,
+    load_entry_point,
+    package_name,
+)
 
 
-def _verbs_in(folder: object) -> dict[str, str]:
+def _find_in_folder(folder: object) -> dict[str, str]:
     """Return the full name of the module of each verb in a folder; ValueError where it is none."""
     if not isinstance(folder, ModuleType) or not hasattr(folder, "__path__"):
         raise ValueError("is no folder of verbs")
@@ -20,42 +25,42 @@ def _verbs_in(folder: object) -> dict[str, str]:
 
 
 @cache
-def _read(of_project: bool) -> tuple[Mapping[str, str], tuple[str, ...]]:
+def _find_all(is_project_only: bool) -> tuple[Mapping[str, str], tuple[str, ...]]:
     """Return the module of each verb, of this project or of all packages; and what is left out."""
-    found = _verbs_in(import_module("anhyst.verbs"))
-    whose = dict.fromkeys(found, "anhyst")
+    found = _find_in_folder(import_module("anhyst.verbs"))
+    owner = dict.fromkeys(found, "anhyst")
     faults: list[str] = []
-    twice: set[str] = set()
-    for point in points_of("anhyst.verbs"):
-        package = package_of(point)
-        if of_project and package not in PARTS:
+    duplicates: set[str] = set()
+    for point in entry_points_in("anhyst.verbs"):
+        package = package_name(point)
+        if is_project_only and package not in PROJECT_PACKAGES:
             continue
         try:
-            places = _verbs_in(loaded(point))
+            places = _find_in_folder(load_entry_point(point))
         except ValueError as error:
             faults.append(f"{package}: '{point.value}' {error}; update it")
             continue
         for name, place in places.items():
             if name not in found:
-                found[name], whose[name] = place, package
+                found[name], owner[name] = place, package
                 continue
-            faults.append(f"{package}: its verb {name}, which {whose[name]} has too; rename it")
-            if whose[name] not in {"anhyst", *PARTS}:
-                twice.add(name)
-    return {name: found[name] for name in sorted(found.keys() - twice)}, tuple(faults)
+            faults.append(f"{package}: its verb {name}, which {owner[name]} has too; rename it")
+            if owner[name] not in {"anhyst", *PROJECT_PACKAGES}:
+                duplicates.add(name)
+    return {name: found[name] for name in sorted(found.keys() - duplicates)}, tuple(faults)
 
 
-def modules(*, of_project: bool = False) -> Mapping[str, str]:
+def modules(*, is_project_only: bool = False) -> Mapping[str, str]:
     """Return the full name of the module of each verb that is installed, or of this project's."""
-    return _read(of_project)[0]
+    return _find_all(is_project_only)[0]
 
 
 def faults() -> tuple[str, ...]:
     """Say which packages have verbs that are left out."""
-    return _read(False)[1]
+    return _find_all(False)[1]
 
 
-def package_with(name: str) -> str:
+def missing_package(name: str) -> str:
     """Return the package of this project that has a verb and is not installed; else nothing."""
-    owners = (package for package, verbs in PARTS.items() if name in verbs)
-    return "" if name in modules(of_project=True) else next(owners, "")
+    owners = (package for package, verbs in PROJECT_PACKAGES.items() if name in verbs)
+    return "" if name in modules(is_project_only=True) else next(owners, "")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
-_WORDS = {
+_WORD_LISTS = {
     "time": "time timestamp elapsed horizontal second seconds zeit temps tijd tempo tiempo",
     "current": "current strom courant intensite stroom corrente corriente intensidad amperage",
     "field": "field feldstarke magnetfeld champ campo veld veldsterkte",
@@ -27,13 +27,13 @@ _WORDS = {
 }
 """Words of each quantity, lower case and without accents."""
 
-WORDS = {name: frozenset(words.split()) for name, words in _WORDS.items()}
+QUANTITY_WORDS = {name: frozenset(words.split()) for name, words in _WORD_LISTS.items()}
 
-_COMPOUND = ("strom", "stroom", "spannung", "spanning", "kraft", "kracht", "spalt", "spleet",
+_COMPOUND_ENDINGS = ("strom", "stroom", "spannung", "spanning", "kraft", "kracht", "spalt", "spleet",
              "zeit", "tijd", "temperatur", "temperatuur", "weg", "feldstarke", "fluss")  # fmt: skip
 """Words that end German and Dutch compounds, such as *Spulenstrom*."""
 
-_DRIVEN = frozenset({"coil", "spule", "spulen", "bobine", "bobina", "spoel", "piezo", "actuator", "amplifier",
+_DRIVE_WORDS = frozenset({"coil", "spule", "spulen", "bobine", "bobina", "spoel", "piezo", "actuator", "amplifier",
                      "aktor", "magnet", "drive", "input", "applied", "excitation", "u", "v", "in",
                      "of", "de", "la", "della", "del", "der"})  # fmt: skip
 """Words beside a voltage that drives; any other word may name what a sensor measures."""
@@ -58,7 +58,7 @@ _MEASURED_WORDS = (
 )
 """Words of a column that holds what was measured."""
 
-_SENSORS = frozenset({"sensor", "sensors", "cell", "lc", "loadcell", "dms", "kmd", "messdose"})
+_SENSOR_WORDS = frozenset({"sensor", "sensors", "cell", "lc", "loadcell", "dms", "kmd", "messdose"})
 """Words of a column that a sensor of an output gives."""
 
 _RAW_UNIT_WORDS = "count counts cts digit digits lsb adc raw inc incs increments steps pulses bits ticks au div code"
@@ -67,17 +67,17 @@ _MEASURED = frozenset(_MEASURED_WORDS.split())
 RAW_UNITS = frozenset(_RAW_UNIT_WORDS.split())
 """Units of values that have no unit yet."""
 
-_FORMULA = re.compile(
+_FORMULA_PATTERN = re.compile(
     r"[*^|²³√×÷∫∂Δ]|^[-+]|^\d+\s*/|/\s*\d+(?:\.\d+)?$|[\s(]x\s?\d|^d[A-Z]\b|^d\w+\s*/\s*d\w+|"
     r"^(?P<symbol>[A-Za-z])\s*/\s*(?:(?P=symbol)\w+|[A-Za-z])$|"
     r"(?<![A-Za-z])(?:sqrt|log|log10|ln|lg|exp|abs|squared?)(?![A-Za-z])"
 )
 """Signs of a name that is calculated from a quantity, such as ``2*F`` or ``I/Imax``."""
-_NUMBER = r"(\d+(?:\.\d+)?)"
-_PRODUCTS = (rf"{_NUMBER}\s*[*×]\s*[^*/^|]+", rf"[^*/^|]+[*×]\s*{_NUMBER}")
-_QUOTIENT = rf"[^*/^|]+/\s*{_NUMBER}"
+_NUMBER_PATTERN = r"(\d+(?:\.\d+)?)"
+_PRODUCT_PATTERNS = (rf"{_NUMBER_PATTERN}\s*[*×]\s*[^*/^|]+", rf"[^*/^|]+[*×]\s*{_NUMBER_PATTERN}")
+_QUOTIENT_PATTERN = rf"[^*/^|]+/\s*{_NUMBER_PATTERN}"
 
-_BASES = {
+_PREFIXABLE_UNIT_WORDS = {
     "A": "amp amps ampere amperes",
     "V": "volt volts vdc",
     "N": "newton newtons",
@@ -93,9 +93,9 @@ _BASES = {
     "Pa": "pascal pascals",
     "g": "gram grams gramme grammes gramm",
 }
-_PREFIXES = {"nano": "n", "micro": "u", "mikro": "u", "milli": "m", "mili": "m", "centi": "c",
+_PREFIX_LETTERS = {"nano": "n", "micro": "u", "mikro": "u", "milli": "m", "mili": "m", "centi": "c",
              "zenti": "c", "kilo": "k", "mega": "M", "": ""}  # fmt: skip
-_OTHERS = {
+_OTHER_UNIT_WORDS = {
     "gf": "gramforce gramsforce gf",
     "kgf": "kilogramforce kilogramsforce kilopond kiloponds kgf",
     "kg": "kg",
@@ -120,10 +120,10 @@ _OTHERS = {
 }
 _UNIT_WORDS = {
     prefix + word: letter + symbol
-    for symbol, words in _BASES.items()
+    for symbol, words in _PREFIXABLE_UNIT_WORDS.items()
     for word in words.split()
-    for prefix, letter in _PREFIXES.items()
-} | {word: symbol for symbol, words in _OTHERS.items() for word in words.split()}
+    for prefix, letter in _PREFIX_LETTERS.items()
+} | {word: symbol for symbol, words in _OTHER_UNIT_WORDS.items() for word in words.split()}
 
 
 def fold(text: str) -> str:
@@ -145,11 +145,13 @@ def symbol_of_word(text: str) -> str | None:
     return _UNIT_WORDS.get(re.sub(r"[\s_-]", "", fold(text)))
 
 
-def words_of(name: str) -> list[str]:
+def split_words(name: str) -> list[str]:
     """Return the words of a name, folded; those of CamelCase apart, compounds also by their end."""
-    apart = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
-    words = re.findall(r"b-field|[a-z]+", fold(apart).replace("b field", "b-field"))
-    ends = [end for word in words for end in _COMPOUND if word.endswith(end) and word != end]
+    spaced_name = re.sub(r"(?<=[a-zà-ÿ])(?=[A-Z])", " ", name)
+    words = re.findall(r"b-field|[a-z]+", fold(spaced_name).replace("b field", "b-field"))
+    ends = [
+        end for word in words for end in _COMPOUND_ENDINGS if word.endswith(end) and word != end
+    ]
     return words + ends
 
 
@@ -159,23 +161,23 @@ def named_quantities(name: str) -> set[str]:
     >>> sorted(named_quantities("Spulenstrom 1")), sorted(named_quantities("Tension"))
     (['current'], ['force', 'voltage'])
     """
-    words = set(words_of(name))
-    return {quantity for quantity, listed in WORDS.items() if words & listed}
+    words = set(split_words(name))
+    return {quantity for quantity, listed in QUANTITY_WORDS.items() if words & listed}
 
 
 def is_drive(name: str) -> bool:
     """Whether a name says that its voltage drives, and does not stand for another quantity."""
-    found = words_of(name)
-    words = [word for word in found if word not in WORDS["voltage"]]
-    heads = [next((word.removesuffix(end) for end in _COMPOUND if word.endswith(end)), word)
+    found = split_words(name)
+    words = [word for word in found if word not in QUANTITY_WORDS["voltage"]]
+    heads = [next((word.removesuffix(end) for end in _COMPOUND_ENDINGS if word.endswith(end)), word)
              for word in words]  # fmt: skip
-    return bool(found) and _DRIVEN.issuperset(heads)
+    return bool(found) and _DRIVE_WORDS.issuperset(heads)
 
 
-def _parts(name: str) -> set[str]:
+def _word_parts(name: str) -> set[str]:
     """Return the words of a name, the parts of compounds, and ``max`` of ``Imax``."""
-    words = set(words_of(name))
-    words |= {part for word in words for end in _COMPOUND if end in word
+    words = set(split_words(name))
+    words |= {part for word in words for end in _COMPOUND_ENDINGS if end in word
               for part in word.split(end)}  # fmt: skip
     return words | {word[1:] for word in words if len(word) > 3 and word[0] in "ifubhx"}
 
@@ -186,20 +188,20 @@ def has_qualifier(name: str) -> bool:
     >>> has_qualifier("Netzstrom"), has_qualifier("Flux density"), has_qualifier("Coil current")
     (True, False, False)
     """
-    found = _parts(name) & _QUALIFIERS
-    if WORDS["flux_density"] & _parts(name):
-        found -= {"density", "dichte"}
-    return bool(found)
+    qualifiers = _word_parts(name) & _QUALIFIERS
+    if QUANTITY_WORDS["flux_density"] & _word_parts(name):
+        qualifiers -= {"density", "dichte"}
+    return bool(qualifiers)
 
 
 def is_measured(name: str) -> bool:
     """Whether a word says that a column holds measured values."""
-    return bool(_parts(name) & (_MEASURED | _SENSORS))
+    return bool(_word_parts(name) & (_MEASURED | _SENSOR_WORDS))
 
 
 def is_sensor(name: str) -> bool:
     """Whether a word says that a sensor of an output gives a column."""
-    return bool(_parts(name) & _SENSORS)
+    return bool(_word_parts(name) & _SENSOR_WORDS)
 
 
 def is_formula(name: str) -> bool:
@@ -208,7 +210,7 @@ def is_formula(name: str) -> bool:
     >>> is_formula("2*F"), is_formula("I/Imax"), is_formula("Strom/Current")
     (True, True, False)
     """
-    return _FORMULA.search(name) is not None
+    return _FORMULA_PATTERN.search(name) is not None
 
 
 def undo_formula(name: str) -> str:
@@ -217,13 +219,13 @@ def undo_formula(name: str) -> str:
     >>> undo_formula("2*F"), undo_formula("F/10"), undo_formula("I/Imax"), undo_formula("F^2")
     ('0.5', '10', 'FACTOR', '')
     """
-    plain = name.replace("_", " ").strip()
-    for pattern in _PRODUCTS:
-        if (match := re.fullmatch(pattern, plain)) and float(match[1]):
+    spaced_name = name.replace("_", " ").strip()
+    for pattern in _PRODUCT_PATTERNS:
+        if (match := re.fullmatch(pattern, spaced_name)) and float(match[1]):
             return f"{1.0 / float(match[1]):.6g}"
-    if match := re.fullmatch(_QUOTIENT, plain):
+    if match := re.fullmatch(_QUOTIENT_PATTERN, spaced_name):
         return match[1]
-    if re.fullmatch(r"-\s*\w+", plain):
+    if re.fullmatch(r"-\s*\w+", spaced_name):
         return "-1"
-    found = _FORMULA.search(plain)
-    return "FACTOR" if found and (found["symbol"] or re.search(r"[\s(]x\s?\d", plain)) else ""
+    found = _FORMULA_PATTERN.search(spaced_name)
+    return "FACTOR" if found and (found["symbol"] or re.search(r"[\s(]x\s?\d", spaced_name)) else ""

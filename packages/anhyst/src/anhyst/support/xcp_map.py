@@ -23,7 +23,7 @@ class XcpValue(NamedTuple):
     body: str = ""
 
 
-def _value(row: dict[str, Any]) -> XcpValue:
+def _value_from_row(row: dict[str, Any]) -> XcpValue:
     """Return a value from its row; that of a second magnet has the number behind its name."""
     name = f"{row['name']}_{row['number']}" if "number" in row else row["name"]
     given = {key: row[key] for key in ("of", "low", "high", "body") if key in row}
@@ -33,19 +33,19 @@ def _value(row: dict[str, Any]) -> XcpValue:
 _XCP = tomllib.loads((contract_folder() / "xcp.toml").read_text(encoding="utf-8"))
 _SIGNALS = tomllib.loads((contract_folder() / "signals.toml").read_text(encoding="utf-8"))
 
-PACKET: int = _XCP["packet"]
-LISTS: int = _XCP["lists"]
-ODTS: int = _XCP["odts"]
-ENTRIES: int = _XCP["entries"]
-SECRET: int = _XCP["secret"]
-EVENT: str = _XCP["event"]
+MAX_PACKET_BYTES: int = _XCP["packet"]
+DAQ_LIST_COUNT: int = _XCP["lists"]
+ODT_COUNT: int = _XCP["odts"]
+MAX_ODT_ENTRIES: int = _XCP["entries"]
+SEED_SECRET: int = _XCP["secret"]
+EVENT_NAME: str = _XCP["event"]
 
 HEARTBEAT_MS: int = _SIGNALS["heartbeat_ms"]
 """Ceiling of the boards for settings in ticks."""
 
-AREAS: dict[str, int] = {area["name"]: area["number"] << 16 for area in _XCP["area"]}
+AREA_ADDRESSES: dict[str, int] = {area["name"]: area["number"] << 16 for area in _XCP["area"]}
 """Address of the first byte of each area."""
 
-SIGNALS = tuple(map(_value, _SIGNALS["signal"]))
-SETTINGS = tuple(map(_value, _SIGNALS["setting"]))
-INPUTS = tuple(map(_value, _SIGNALS["input"]))
+SIGNALS = tuple(map(_value_from_row, _SIGNALS["signal"]))
+SETTINGS = tuple(map(_value_from_row, _SIGNALS["setting"]))
+INPUTS = tuple(map(_value_from_row, _SIGNALS["input"]))

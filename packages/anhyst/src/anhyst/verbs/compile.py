@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from anhyst.cli.shared import Part
+    from anhyst.cli.shared import OutputPart
     from anhyst.compilation.compiled_stage import CompiledStage
     from anhyst.compilation.output import Compiled
     from anhyst.compilation.play import CompiledPlay
@@ -99,21 +99,22 @@ def compile(  # noqa: A001
     from anhyst.model.actuator import MODEL_SOURCES, Model
     from anhyst.support.atomic import check_path
     from anhyst.support.errors import wrong_key
-    from anhyst.support.kinds import MODEL as MODEL_FILE
-    from anhyst.support.kinds import capability, kind_of
+    from anhyst.support.kinds import MODEL_FILE, file_kind, require_capability
 
     check_path(out, "compile: out")
     if not isinstance(model, Model):
         check_path(model, "compile: model", f"{MODEL_SOURCES} or of the rig file of a stage")
-    rig = MODEL_FILE if isinstance(model, Model) else kind_of(model)
+    rig = MODEL_FILE if isinstance(model, Model) else file_kind(model)
     if not isinstance(model, Model) and rig is not MODEL_FILE and "compile" in rig.verbs:
-        own = {"--accuracy": accuracy, "--controller": controller, "--package": package}
-        for option, given in own.items():
+        model_options = {"--accuracy": accuracy, "--controller": controller, "--package": package}
+        for option, given in model_options.items():
             if given is not None:
                 text = f"is for a model; {rig.title} is compiled as its rig file says, leave it out"
                 raise wrong_key(option, text, code="option-not-for-this")
         request = StageRequest(kind, io or "f32", rate, name)
-        return capability(rig, HasController).compile_controller(model, out, request, progress)
+        return require_capability(rig, HasController).compile_controller(
+            model, out, request, progress
+        )
     if kind == "single-valued":
         text = "single-valued is for the rig file of a stage; give full, simplified or play"
         raise wrong_key("--kind", text, code="option-not-for-this")
@@ -123,7 +124,9 @@ def compile(  # noqa: A001
     )  # fmt: skip
 
 
-def show(result: Compiled | CompiledPlay | CompiledStage, _: Mapping[str, Any]) -> Iterator[Part]:
+def show(
+    result: Compiled | CompiledPlay | CompiledStage, _: Mapping[str, Any]
+) -> Iterator[OutputPart]:
     """Return what was compiled, how accurate it is, and where to read on."""
     from anhyst.compilation.compiled_stage import CompiledStage
     from anhyst.compilation.play import CompiledPlay
@@ -138,7 +141,7 @@ def show(result: Compiled | CompiledPlay | CompiledStage, _: Mapping[str, Any]) 
     yield f"{result.out / guide} describes how it goes into a project"
 
 
-def _show_play(compiled: CompiledPlay) -> Iterator[Part]:
+def _show_play(compiled: CompiledPlay) -> Iterator[OutputPart]:
     from anhyst.cli.printing import TerminalTable
 
     manifest = compiled.manifest
@@ -151,12 +154,12 @@ def _show_play(compiled: CompiledPlay) -> Iterator[Part]:
         figures = manifest["accuracy"][key]
         rows.add_row(title, *(f"{value:.2g}" for value in figures.values()))
     size = manifest["memory"]["parameters_bytes"]
-    numbers = manifest["play"]
+    play = manifest["play"]
     yield f"{compiled.out}: play, {manifest['io']}, {size} bytes of parameters"
     yield rows
     yield (
-        f"half-width of the play: {numbers['radius_A']:.3g} A; of the loops: up to "
-        f"{numbers['half_width_A']:.3g} A"
+        f"half-width of the play: {play['radius_A']:.3g} A; of the loops: up to "
+        f"{play['half_width_A']:.3g} A"
     )
 
 
@@ -172,25 +175,26 @@ def _show_stage(compiled: CompiledStage) -> Iterator[str]:
     yield f"{len(compiled.vectors['flags'])} ticks of a flight are its golden vectors"
 
 
-def _show_model(compiled: Compiled) -> Iterator[Part]:
+def _show_model(compiled: Compiled) -> Iterator[OutputPart]:
     from anhyst.cli.printing import TerminalTable
 
     manifest, budget = compiled.manifest, compiled.budget
     rows = TerminalTable(
-        f"accuracy, per cent of {budget.largest:.4g} {budget.unit}", ("part", "worst", "rms")
+        f"accuracy, per cent of {budget.reference_output:.4g} {budget.unit}",
+        ("part", "worst", "rms"),
     )
     for part in (*budget.parts, budget.compiled, budget.total, budget.drift):
         if part.worst is not None and part.rms is not None:
             worst, rms = (
-                f"{100.0 * value / budget.largest:.2g}" for value in (part.worst, part.rms)
+                f"{100.0 * value / budget.reference_output:.2g}" for value in (part.worst, part.rms)
             )
             rows.add_row(part.title, worst, rms)
     size = manifest["memory"]["parameters_bytes"]
     yield f"{compiled.out}: {manifest['kind']}, {manifest['io']}, {size} bytes of parameters"
     yield rows
-    if around := manifest["controller"]:
+    if position_controller := manifest["controller"]:
         yield (
-            f"position controller '{around['name']}': {around['rate_Hz']:g} Hz, "
-            f"{around['state_bytes']} bytes of state"
+            f"position controller '{position_controller['name']}': {position_controller['rate_Hz']:g} Hz, "
+            f"{position_controller['state_bytes']} bytes of state"
         )
     yield from (f"{name}: {choice}" for name, choice in manifest["plan"].items())

@@ -56,7 +56,7 @@ def warnings(result: Conversion) -> tuple[str, ...]:
 
 def show(result: Conversion, _: Mapping[str, Any]) -> list[str]:
     """Return what a terminal shows."""
-    from anhyst.support.wording import count_of
+    from anhyst.support.wording import count_text
 
-    channels, samples = count_of(result.channels, "channel"), count_of(result.samples, "sample")
+    channels, samples = count_text(result.channels, "channel"), count_text(result.samples, "sample")
     return [f"{result.out}: {channels}, {samples}"]

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from anhyst.cli.shared import Part
+    from anhyst.cli.shared import OutputPart
     from anhyst.model.actuator import Model
     from anhyst.model.diff import ModelDiff
     from anhyst.support.atomic import PathLike
@@ -56,7 +56,7 @@ def as_json(result: ModelDiff, given: Mapping[str, Any]) -> dict[str, Any]:
     return asdict(result) | {"same": result.same, "unit": unit}
 
 
-def show(result: ModelDiff, given: Mapping[str, Any]) -> Iterator[Part]:
+def show(result: ModelDiff, given: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return what has changed, and by how much the predicted loops differ."""
     from anhyst.cli.printing import TerminalTable
     from anhyst.model.actuator import read_model
@@ -66,14 +66,14 @@ def show(result: ModelDiff, given: Mapping[str, Any]) -> Iterator[Part]:
         yield "the two models compute the same"
         return
     model, other = read_model(given["first"]), read_model(given["second"])
-    names = {name: key for name, (_, key) in {**model.keys, **other.keys}.items()}
+    names = {name: key for name, (_, key) in {**model.file_keys, **other.file_keys}.items()}
     changes = TerminalTable("different", ["", "A", "B", "change"])
     for change in (*result.settings, *result.parameters):
         changes.add_row(
             names.get(change.name, change.name),
-            _text(change.first),
-            _text(change.second),
-            _relative(change.first, change.second) if change.name in names else "",
+            _format_value(change.first),
+            _format_value(change.second),
+            _format_change(change.first, change.second) if change.name in names else "",
         )
     yield changes
     if result.drive is None:
@@ -82,8 +82,8 @@ def show(result: ModelDiff, given: Mapping[str, Any]) -> Iterator[Part]:
     unit, drive = model.output.unit, model.input
     low, high = result.drive
     title = f"settled loops, {drive.symbol} from {low:g} to {high:g} {drive.unit}"
-    at, scale = schedule_scale(model.schedule)
-    heads = [at, f"largest [{unit}]", f"mean apart [{unit}]", f"worst [{unit}]", "at"]
+    schedule_heading, scale = schedule_scale(model.schedule)
+    heads = [schedule_heading, f"largest [{unit}]", f"mean apart [{unit}]", f"worst [{unit}]", "at"]
     loops = TerminalTable(title, heads)
     for loop in result.loops:
         loops.add_row(
@@ -97,7 +97,7 @@ def show(result: ModelDiff, given: Mapping[str, Any]) -> Iterator[Part]:
     yield f"all together: mean {result.mean:.4g} {unit}, worst {result.worst:.4g} {unit}"
 
 
-def _text(value: float | tuple[float, ...] | str | None) -> str:
+def _format_value(value: float | tuple[float, ...] | str | None) -> str:
     if isinstance(value, tuple):
         return ", ".join(f"{number:.6g}" for number in value)
     if isinstance(value, float):
@@ -105,7 +105,7 @@ def _text(value: float | tuple[float, ...] | str | None) -> str:
     return value or "none"
 
 
-def _relative(first: object, second: object) -> str:
+def _format_change(first: object, second: object) -> str:
     if isinstance(first, float) and isinstance(second, float) and first:
         return f"{100.0 * (second / first - 1.0):+.3g} %"
     return ""

@@ -53,8 +53,8 @@ def example(name: Name, out: PathLike) -> CopiedExample:
 
 def show(result: CopiedExample, _: Mapping[str, Any]) -> Iterator[str]:
     """Return what was written, and what to run next."""
-    from anhyst.support.wording import list_written
+    from anhyst.support.wording import written_files_text
 
-    yield list_written(result.out, result.files)
+    yield written_files_text(result.out, result.files)
     yield "next:"
     yield from (f"  {command}" for command in result.run)

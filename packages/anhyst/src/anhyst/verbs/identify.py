@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from anhyst.cli.printing import TerminalTable
-    from anhyst.cli.shared import Part
+    from anhyst.cli.shared import OutputPart
     from anhyst.data.source import LoopSource
     from anhyst.identification.run import IdentifyResult
     from anhyst.model.actuator import Model
@@ -112,27 +112,27 @@ def identify(
     from dataclasses import replace
 
     from anhyst.data.loops import Loops
-    from anhyst.data.reading import files_read
-    from anhyst.data.source import loops_from
-    from anhyst.data.table import check_source, is_frame
-    from anhyst.identification.identify import check_wanted
+    from anhyst.data.reading import list_input_files
+    from anhyst.data.source import load_loops
+    from anhyst.data.table import check_source, is_data_frame
+    from anhyst.identification.identify import check_options
     from anhyst.identification.identify import identify as work
     from anhyst.support.atomic import check_writable
-    from anhyst.support.jobs import in_parts
+    from anhyst.support.jobs import split_progress
 
-    check_wanted(law, gap_map, search)
+    check_options(law, gap_map, search)
     if out is not None:
-        files: Any = None if isinstance(loops, Loops) or is_frame(loops) else loops
+        files: Any = None if isinstance(loops, Loops) or is_data_frame(loops) else loops
         if files is not None:
             check_source(files, "identify: loops")
-            files = files_read(files, reading.get("sidecar"))
-        check_writable(out, reads=files or ())
-        checkpoint = checkpoint or _checkpoint(Path(out))
-    first, then = in_parts(progress, (1.0, 9.0))
-    read, options = loops_from(loops, "identify: loops", reading, progress=first)
+            files = list_input_files(files, reading.get("sidecar"))
+        check_writable(out, input_files=files or ())
+        checkpoint = checkpoint or _checkpoint_path(Path(out))
+    reading_progress, fit_progress = split_progress(progress, (1.0, 9.0))
+    read, options = load_loops(loops, "identify: loops", reading, progress=reading_progress)
     result = work(
         read, law=law, gap_map=gap_map, search=search, seed=seed, weights=weights,
-        offsets=offsets, dead_band=dead_band, rate=rate, progress=then, checkpoint=checkpoint,
+        offsets=offsets, dead_band=dead_band, rate=rate, progress=fit_progress, checkpoint=checkpoint,
     )  # fmt: skip
     if options is not None:
         result = replace(result, model=result.model.with_read_options(options))
@@ -141,7 +141,7 @@ def identify(
     return result
 
 
-def _checkpoint(out: Path) -> Path | None:
+def _checkpoint_path(out: Path) -> Path | None:
     """Place of the checkpoint; beside a device there is none."""
     if out.exists() and not out.is_file():
         return None
@@ -150,14 +150,14 @@ def _checkpoint(out: Path) -> Path | None:
 
 def stopped(given: Mapping[str, Any]) -> str:
     """Return what Ctrl-C leaves before there is a model."""
-    return f"too early for a model, nothing written{_continues(given)}"
+    return f"too early for a model, nothing written{_continuation_text(given)}"
 
 
-def _continues(given: Mapping[str, Any]) -> str:
+def _continuation_text(given: Mapping[str, Any]) -> str:
     """Say that a stopped search may continue, if it may."""
-    checkpoint = _checkpoint(given["out"]) if given["search"] == "paper" else None
-    is_kept = checkpoint is not None and checkpoint.exists()
-    return "; the same command goes on from there" if is_kept else ""
+    checkpoint = _checkpoint_path(given["out"]) if given["search"] == "paper" else None
+    can_continue = checkpoint is not None and checkpoint.exists()
+    return "; the same command goes on from there" if can_continue else ""
 
 
 def refuse(result: IdentifyResult, given: Mapping[str, Any]) -> None:
@@ -166,7 +166,7 @@ def refuse(result: IdentifyResult, given: Mapping[str, Any]) -> None:
 
     out = given["out"]
     if result.interrupted:
-        raise Interrupted(f"{out} holds the best model so far{_continues(given)}")
+        raise Interrupted(f"{out} holds the best model so far{_continuation_text(given)}")
     if result.acceptance.passed is False:
         failed = result.acceptance.text(result.model.input.unit)
         reasons = "; ".join(filter(None, (failed, result.rejection)))
@@ -198,19 +198,19 @@ def as_json(result: IdentifyResult, given: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[Part]:
+def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return how well the model fits, what was chosen and why."""
     model, fit = result.model, result.model.fit
     yield f"{given['out']}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"
-    yield from _fit(model)
+    yield from _show_fit(model)
     settings = model.provenance.settings
     if reason := settings.get("law_reason"):
         yield str(reason)
-    yield from _offsets(model)
+    yield from _list_offsets(model)
     if chosen := settings.get("dead_band"):
         yield f"dead band: {chosen}"
-    if late := settings.get("rate"):
-        yield f"rate: {late}"
+    if rate_text := settings.get("rate"):
+        yield f"rate: {rate_text}"
     for step in model.reduction:
         yield (
             f"reduction: {step.frozen} made common to all nodes, mean deviation "
@@ -222,7 +222,7 @@ def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[Part]:
         yield f"cross-validation error with gap map {name}: {100.0 * error:.3g} %"
 
 
-def _fit(model: Model) -> Iterator[Part]:
+def _show_fit(model: Model) -> Iterator[OutputPart]:
     """Return the deviations from the loops, and the candidates."""
     from anhyst.data.output_map import name_full_scale
 
@@ -239,35 +239,35 @@ def _fit(model: Model) -> Iterator[Part]:
     if fit.left_over:
         yield fit.left_over
     if expected := fit.cross_validation:
-        where = (
+        scope = (
             "between the measured values, choice of the map and all"
             if expected.left_out == "gap"
             else "at other samples of such loops, not of other sizes"
         )
         low, high = (100.0 * end for end in expected.interval)
-        yield f"expected {where}: {100.0 * expected.error:.3g} % ({low:.2g} to {high:.2g} %)"
-    yield from _candidates(model)
+        yield f"expected {scope}: {100.0 * expected.error:.3g} % ({low:.2g} to {high:.2g} %)"
+    yield from _list_candidates(model)
 
 
 MAX_CANDIDATES = 4
 """Candidates that are listed without ``--verbose``."""
 
 
-def _candidates(model: Model) -> list[str | TerminalTable]:
+def _list_candidates(model: Model) -> list[str | TerminalTable]:
     """List the candidates: the chosen one first, then by their error at withheld data."""
     from anhyst.cli.printing import TerminalTable, printer
-    from anhyst.support.wording import count_of
+    from anhyst.support.wording import count_text
 
-    listed = sorted(
+    ranked = sorted(
         model.fit.candidates if model.fit else (),
-        key=lambda one: (
-            one.note != "chosen",
-            one.left_out is None,
-            one.left_out or one.rms or 0.0,
+        key=lambda candidate: (
+            candidate.note != "chosen",
+            candidate.left_out is None,
+            candidate.left_out or candidate.rms or 0.0,
         ),
     )
-    shown = listed if printer.is_verbose else listed[:MAX_CANDIDATES]
-    hidden = len(listed) - len(shown)
+    shown = ranked if printer.is_verbose else ranked[:MAX_CANDIDATES]
+    hidden = len(ranked) - len(shown)
     rows = TerminalTable(
         "candidates, the chosen one first", ["law", "gap map", "rms %", "left out %", "numbers"]
     )
@@ -276,18 +276,20 @@ def _candidates(model: Model) -> list[str | TerminalTable]:
         left_out = "" if one.left_out is None else f"{100.0 * one.left_out:.3g}"
         rms = "" if one.rms is None else f"{100.0 * one.rms:.3g}"
         rows.add_row(f"{one.law}{note}", one.gap_map, rms, left_out, str(one.numbers))
-    more = [f"{count_of(hidden, 'more candidate')}: --verbose"] if hidden else []
-    return [rows, *more] if listed else []
+    more = [f"{count_text(hidden, 'more candidate')}: --verbose"] if hidden else []
+    return [rows, *more] if ranked else []
 
 
-def _offsets(model: Model) -> list[str]:
+def _list_offsets(model: Model) -> list[str]:
     """Name the offsets that were taken, and how sure they are."""
-    unsure = model.uncertainty
-    if unsure is None:
+    uncertainty = model.uncertainty
+    if uncertainty is None:
         return []
     lines = [
         f"{name}: {value:.3g} +- {std:.2g}"
-        for name, value, std in zip(unsure.names, unsure.values, unsure.std, strict=True)
+        for name, value, std in zip(
+            uncertainty.names, uncertainty.values, uncertainty.std, strict=True
+        )
         if "offset" in name
     ]
     return lines or ["offsets of input and output: none, the loops demand none"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from anhyst.cli.printing import TerminalTable
-    from anhyst.cli.shared import Part
+    from anhyst.cli.shared import OutputPart
     from anhyst.data.inspection import Inspection, LoopFigures
     from anhyst.data.source import LoopSource
     from anhyst.data.table import ChannelFigures
@@ -64,12 +64,14 @@ def inspect(
     """
     from anhyst.data.inspection import inspect as work
     from anhyst.data.inspection import plot_inspection
-    from anhyst.data.source import loops_from
+    from anhyst.data.source import load_loops
     from anhyst.support.atomic import check_picture, write_figure
 
     if plot is not None:
         check_picture(plot)
-    read, _ = loops_from(loops, "inspect: loops", reading, without=("thin",), progress=progress)
+    read, _ = load_loops(
+        loops, "inspect: loops", reading, skipped_steps=("thin",), progress=progress
+    )
     inspection = work(read)
     if plot is not None:
         write_figure(plot_inspection(inspection, read), plot)
@@ -82,25 +84,25 @@ def preview(given: Mapping[str, Any]) -> Iterator[TerminalTable]:
 
     if given["plot"] is not None:
         check_picture(given["plot"])
-    if listed := _channels(given):
+    if channels := _list_channels(given):
         from anhyst.cli.printing import TerminalTable
 
         rows = TerminalTable("channels", ["name", "unit", "samples", "per s", "range", "is"])
-        for one in listed:
-            span = "" if one.low is None else f"{one.low:.4g} to {one.high:.4g}"
-            rate = "" if one.rate is None else f"{one.rate:.6g}"
-            rows.add_row(one.name, one.unit, str(one.samples), rate, span, one.role)
+        for channel in channels:
+            span = "" if channel.low is None else f"{channel.low:.4g} to {channel.high:.4g}"
+            rate = "" if channel.rate is None else f"{channel.rate:.6g}"
+            rows.add_row(channel.name, channel.unit, str(channel.samples), rate, span, channel.role)
         yield rows
 
 
 def as_json(result: Inspection, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the result for JSON."""
-    listed = _channels(given)
-    channels = {"channels": [asdict(channel) for channel in listed]} if listed else {}
-    return result.as_dict() | channels
+    channels = _list_channels(given)
+    content = {"channels": [asdict(channel) for channel in channels]} if channels else {}
+    return result.as_dict() | content
 
 
-def _channels(given: Mapping[str, Any]) -> list[ChannelFigures]:
+def _list_channels(given: Mapping[str, Any]) -> list[ChannelFigures]:
     """Return the channels of a recording; the columns of a text are in its first line."""
     from anhyst.data.formats import ChannelTable, open_table
     from anhyst.data.table import list_channels
@@ -112,39 +114,42 @@ def _channels(given: Mapping[str, Any]) -> list[ChannelFigures]:
     return list_channels(loops[0])
 
 
-def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[Part]:
+def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the verdict, how the loops were read, and the figures of each loop."""
     from anhyst.cli.printing import TerminalTable
-    from anhyst.support.units import in_small_unit, schedule_scale
-    from anhyst.support.wording import count_of
+    from anhyst.support.units import choose_display_unit, schedule_scale
+    from anhyst.support.wording import count_text
 
     drive, answer, schedule = inspection.input, inspection.output, inspection.schedule
-    at, scale = schedule_scale(schedule)
-    headers = ["loop", *([at] if schedule else []), "rows"]
-    largest = max(max(abs(one.output_low), abs(one.output_high)) for one in inspection.loops)
-    unit, small = in_small_unit(answer, largest)
+    schedule_heading, scale = schedule_scale(schedule)
+    headers = ["loop", *([schedule_heading] if schedule else []), "rows"]
+    largest = max(
+        max(abs(figures_of_loop.output_low), abs(figures_of_loop.output_high))
+        for figures_of_loop in inspection.loops
+    )
+    unit, output_factor = choose_display_unit(answer, largest)
     headers += [f"{drive.symbol} {drive.unit}", f"{answer.symbol} {unit}"]
     headers += [f"width {drive.unit}", f"noise {unit}"]
     headers += ["history", "cycles", f"drift {unit}", f"closure {unit}", "delay", "saturation"]
-    loops = count_of(len(inspection.loops), "loop")
+    loops = count_text(len(inspection.loops), "loop")
     figures = TerminalTable(f"{loops}, {drive.name} to {answer.name}", headers)
     for loop in inspection.loops:
-        figures.add_row(*_row(loop, scale if schedule else None, small))
+        figures.add_row(*_loop_row(loop, scale if schedule else None, output_factor))
     # How the columns were read matters more than the histories, which the table shows, too.
     histories = tuple(note for note in inspection.notes if ": history of loop" in note)
     reading = tuple(note for note in inspection.notes if note not in histories)
     yield "is it worth it?"
-    yield from _indented(inspection.verdict.sentences)
-    yield from _titled("read", reading)
-    yield from _titled("repaired", inspection.repairs)
-    yield from _titled("speed", (inspection.rate,) if inspection.rate else ())
+    yield from _indent(inspection.verdict.sentences)
+    yield from _with_title("read", reading)
+    yield from _with_title("repaired", inspection.repairs)
+    yield from _with_title("speed", (inspection.rate,) if inspection.rate else ())
     yield figures
-    yield from _titled("histories", histories)
+    yield from _with_title("histories", histories)
     if given["plot"] is not None:
         yield f"{given['plot']} written"
 
 
-def _row(loop: LoopFigures, scale: float | None, small: float) -> list[str]:
+def _loop_row(loop: LoopFigures, scale: float | None, output_factor: float) -> list[str]:
     from anhyst.cli.printing import MAX_CELL, printer
 
     cells, history = [loop.label], str(loop.history)
@@ -159,25 +164,25 @@ def _row(loop: LoopFigures, scale: float | None, small: float) -> list[str]:
         *cells,
         str(loop.samples),
         f"{loop.input_low:.4g} to {loop.input_high:.4g}",
-        f"{small * loop.output_low:.4g} to {small * loop.output_high:.4g}",
-        _number(loop.width),
-        _number(loop.noise, small),
+        f"{output_factor * loop.output_low:.4g} to {output_factor * loop.output_high:.4g}",
+        _format_value(loop.width),
+        _format_value(loop.noise, output_factor),
         history if printer.is_verbose else loop.history.kind,
         f"{loop.cycles:g}",
-        _number(loop.drift, small),
-        _number(loop.closure, small),
+        _format_value(loop.drift, output_factor),
+        _format_value(loop.closure, output_factor),
         delay,
-        _number(loop.saturation),
+        _format_value(loop.saturation),
     ]
 
 
-def _number(value: float | None, scale: float = 1.0) -> str:
+def _format_value(value: float | None, scale: float = 1.0) -> str:
     return "" if value is None else f"{scale * value:.3g}"
 
 
-def _titled(title: str, texts: Sequence[str]) -> list[str]:
-    return [f"{title}:", *_indented(texts)] if texts else []
+def _with_title(title: str, texts: Sequence[str]) -> list[str]:
+    return [f"{title}:", *_indent(texts)] if texts else []
 
 
-def _indented(texts: Sequence[str]) -> list[str]:
+def _indent(texts: Sequence[str]) -> list[str]:
     return [f"  {text}" for text in texts]

@@ -71,19 +71,20 @@ def predict(
 
 def show(result: RunSummary, _: Mapping[str, Any]) -> Iterator[str]:
     """Return what was computed, and how far it is from a measured column."""
-    from anhyst.support.wording import count_of
+    from anhyst.support.wording import count_text
 
     runs = "1 run" if result.runs == 1 else f"{result.runs} runs, each"
-    yield f"{result.out}: {count_of(result.rows, 'row')}, {runs} {result.history}"
+    yield f"{result.out}: {count_text(result.rows, 'row')}, {runs} {result.history}"
     yield f"{result.column}: {result.low:.6g} to {result.high:.6g} {result.unit}"
-    apart = result.deviation
-    if apart is not None and apart.largest > 0.0:
+    deviation = result.deviation
+    if deviation is not None and deviation.largest > 0.0:
         mean, rms, worst = (
-            100.0 * value / apart.largest for value in (apart.mean_abs, apart.rms, apart.worst)
+            100.0 * value / deviation.largest
+            for value in (deviation.mean_abs, deviation.rms, deviation.worst)
         )
         yield (
             f"deviation from the column in the file: mean {mean:.3g} %, rms {rms:.3g} %, worst "
-            f"{worst:.3g} % of {apart.of}"
+            f"{worst:.3g} % of {deviation.of}"
         )
     if result.outside:
         rows = "1 row lies" if result.outside == 1 else f"{result.outside} rows lie"

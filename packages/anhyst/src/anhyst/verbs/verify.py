@@ -83,15 +83,15 @@ def refuse(result: Verification, given: Mapping[str, Any]) -> None:
     """Raise an error if a bit differs, or if a target that was asked for did not run."""
     from anhyst.support.errors import wrong_key
 
-    refuse_difference(result, given["folder"])
+    require_equal_bits(result, given["folder"])
     if given["on"] is not None and result.not_run:
-        lacking = [gap.text() for gap in result.missing if gap.target in result.not_run]
+        missing_tools = [gap.text() for gap in result.missing if gap.target in result.not_run]
         raise wrong_key(
-            "--on", f"not run for want of tools: {'; '.join(lacking)}", code="tool-missing"
+            "--on", f"not run for want of tools: {'; '.join(missing_tools)}", code="tool-missing"
         )
 
 
-def refuse_difference(result: Verification, folder: PathLike) -> None:
+def require_equal_bits(result: Verification, folder: PathLike) -> None:
     """Raise NegativeResult if a bit differs."""
     from anhyst.support.errors import NegativeResult
 

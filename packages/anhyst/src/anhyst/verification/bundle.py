@@ -13,23 +13,29 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compilation.vectors import INPUTS, LEVITATION_COLUMNS
+from anhyst.compilation.vectors import LEVITATION_COLUMNS, LEVITATION_INPUT_COUNT
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import COMPILED, refuse_other
-from anhyst.verification.protocol import AS_GIVEN, COMPENSATOR, CONTROLLER, RecordForm, Words
+from anhyst.support.kinds import COMPILED_FOLDER, require_kind
+from anhyst.verification.protocol import (
+    AS_GIVEN,
+    COMPENSATOR_RECORD,
+    CONTROLLER_RECORD,
+    RecordLayout,
+    Words,
+)
 
-FORMAT = 2
-MANIFEST = "manifest.json"
-VECTORS = "vectors.csv"
-LEVITATION = "controller.csv"
+MANIFEST_VERSION = 2
+MANIFEST_FILE = "manifest.json"
+VECTORS_FILE = "vectors.csv"
+LEVITATION_FILE = "controller.csv"
 """What a folder with a position controller holds beside the compensator's vectors."""
 PORT_HEADER = "port/anhyst_port_cortex_m4.h"
-EXAMPLES = ("main.c", "example/interrupt.c")
-FORMATS = {"q15": "15", "q31": "31", "f32": "32"}
-PLAY = "play"
+EXAMPLE_FILES = ("main.c", "example/interrupt.c")
+IO_BITS = {"q15": "15", "q31": "31", "f32": "32"}
+PLAY_KIND = "play"
 """Kind of a map with one play, which is no compensator with a kernel."""
 
-MOST = 64
+MAX_STAGE_COUNT = 64
 """Coordinates, heads or magnets that are believed of a stage."""
 
 
@@ -48,7 +54,9 @@ class Bundle:
     def c_files(self) -> tuple[str, ...]:
         """All that a project compiles or includes, by path below the folder."""
         names = (str(name) for name in self.manifest["files"])
-        return tuple(name for name in names if name[-2:] in {".c", ".h"} and name not in EXAMPLES)
+        return tuple(
+            name for name in names if name[-2:] in {".c", ".h"} and name not in EXAMPLE_FILES
+        )
 
     def copy_sources(self, folder: Path) -> None:
         """Copy the C and the port header to a folder, to be compiled there."""
@@ -70,43 +78,45 @@ class Bundle:
 
 def read_bundle(folder: Path) -> Bundle:
     """Read the manifest and check that every file is as it was written."""
-    manifest_path = folder / MANIFEST
+    manifest_path = folder / MANIFEST_FILE
     if not folder.is_dir():
         text = f"{folder}: no such folder; name the one 'anhyst compile --out' made"
         raise InputError(text, code="no-such-folder")
     try:
         manifest = json.loads(manifest_path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        text = f"{folder}: has no {MANIFEST}; name the folder 'anhyst compile --out' made"
+        text = f"{folder}: has no {MANIFEST_FILE}; name the folder 'anhyst compile --out' made"
         raise InputError(text, code="no-manifest") from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise _damaged(f"{manifest_path}: is not JSON: {error}", code="damaged-manifest") from None
-    if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
-        text = f"{manifest_path}: key 'format' is not {FORMAT}"
-        raise _damaged(text, code="damaged-manifest", key="format")
-    refuse_other(folder, [COMPILED])
+        raise _damaged_error(
+            f"{manifest_path}: is not JSON: {error}", code="damaged-manifest"
+        ) from None
+    if not isinstance(manifest, dict) or manifest.get("format") != MANIFEST_VERSION:
+        text = f"{manifest_path}: key 'format' is not {MANIFEST_VERSION}"
+        raise _damaged_error(text, code="damaged-manifest", key="format")
+    require_kind(folder, [COMPILED_FOLDER])
     _check_files(folder, manifest_path, manifest)
     _check_stage(manifest_path, manifest.get("stage"))
-    io = _text(manifest_path, manifest, "io")
-    if io not in FORMATS:
-        known = " and ".join(FORMATS)
+    io = _read_text(manifest_path, manifest, "io")
+    if io not in IO_BITS:
+        known = " and ".join(IO_BITS)
         text = f"{manifest_path}: key 'io': {io} cannot be verified; only {known} can"
         raise InputError(text, code="not-verifiable", key="io")
-    name, kind = (_text(manifest_path, manifest, key) for key in ("name", "kind"))
+    name, kind = (_read_text(manifest_path, manifest, key) for key in ("name", "kind"))
     rate = manifest.get("rate_Hz")
     rate = float(rate) if isinstance(rate, int | float) else None
     return Bundle(folder, name, kind, io, rate, manifest)
 
 
-def _damaged(text: str, *, code: str, key: str = "") -> InputError:
+def _damaged_error(text: str, *, code: str, key: str = "") -> InputError:
     return InputError(f"{text}; run 'anhyst compile' again", code=code, key=key)
 
 
-def _text(path: Path, manifest: Mapping[str, Any], key: str) -> str:
+def _read_text(path: Path, manifest: Mapping[str, Any], key: str) -> str:
     value = manifest.get(key)
     if not isinstance(value, str):
         text = f"{path}: key '{key}' is missing or not a text"
-        raise _damaged(text, code="damaged-manifest", key=key)
+        raise _damaged_error(text, code="damaged-manifest", key=key)
     return value
 
 
@@ -114,48 +124,50 @@ def _check_stage(path: Path, stage: object) -> None:
     """Check the numbers from which the form of a stage's records follows."""
     if stage is None:
         return
-    described = stage if isinstance(stage, dict) else {}
-    free = described.get("free")
+    entry = stage if isinstance(stage, dict) else {}
+    free = entry.get("free")
     coordinates = len(free) if isinstance(free, list) else 0
-    counts = [coordinates, described.get("heads"), described.get("magnets")]
-    if not all(isinstance(count, int) and 0 < count <= MOST for count in counts):
+    counts = [coordinates, entry.get("heads"), entry.get("magnets")]
+    if not all(isinstance(count, int) and 0 < count <= MAX_STAGE_COUNT for count in counts):
         text = (
             f"{path}: key 'stage' does not say what is free, how many heads and magnets there are"
         )
-        raise _damaged(text, code="damaged-manifest", key="stage")
+        raise _damaged_error(text, code="damaged-manifest", key="stage")
 
 
 def _check_files(folder: Path, manifest_path: Path, manifest: Mapping[str, Any]) -> None:
     files = manifest.get("files")
     if not isinstance(files, dict):
         text = f"{manifest_path}: key 'files' is missing"
-        raise _damaged(text, code="damaged-manifest", key="files")
-    name = _text(manifest_path, manifest, "name")
-    around = [f"{name}_controller.h", f"{name}_controller.c"]
-    needed = around if manifest.get("stage") else [f"{name}_parameters.h"]
-    needed = [*needed, f"{name}_parameters.c", VECTORS]
+        raise _damaged_error(text, code="damaged-manifest", key="files")
+    name = _read_text(manifest_path, manifest, "name")
+    controller_files = [f"{name}_controller.h", f"{name}_controller.c"]
+    needed = controller_files if manifest.get("stage") else [f"{name}_parameters.h"]
+    needed = [*needed, f"{name}_parameters.c", VECTORS_FILE]
     if manifest.get("controller") is not None:
-        needed = [*needed, *around, LEVITATION]
+        needed = [*needed, *controller_files, LEVITATION_FILE]
     for file in needed:
         if file not in files:
             text = f"{manifest_path}: key 'files' does not name {file}"
-            raise _damaged(text, code="damaged-manifest", key="files")
+            raise _damaged_error(text, code="damaged-manifest", key="files")
     for file, expected in files.items():
         path = folder / str(file)
         try:
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError as error:
-            text = f"{path}: {error.strerror}, but {MANIFEST} names it"
-            raise _damaged(text, code="damaged-manifest", key="files") from None
+            text = f"{path}: {error.strerror}, but {MANIFEST_FILE} names it"
+            raise _damaged_error(text, code="damaged-manifest", key="files") from None
         if digest != expected:
             text = f"{path}: was changed since it was written (sha256)"
-            raise _damaged(text, code="changed-since")
+            raise _damaged_error(text, code="changed-since")
 
 
-NEEDED = ("demand", "gap", "current")
+NEEDED_COLUMNS = ("demand", "gap", "current")
 
-GIVEN = LEVITATION_COLUMNS[:INPUTS]
-ANSWERED = {name: name.replace("drive_", "current ") for name in LEVITATION_COLUMNS[INPUTS:]}
+INPUT_COLUMNS = LEVITATION_COLUMNS[:LEVITATION_INPUT_COUNT]
+OUTPUT_NAMES = {
+    name: name.replace("drive_", "current ") for name in LEVITATION_COLUMNS[LEVITATION_INPUT_COUNT:]
+}
 """Columns of a controller's vectors, and what they are called in a record."""
 
 
@@ -165,13 +177,13 @@ class GoldenVectors:
 
     inputs: Words  # in the order of the form; shape (rows, n)
     outputs: Mapping[str, Words]  # by the names of a record; shape (rows,)
-    form: RecordForm = COMPENSATOR  # of the records
+    layout: RecordLayout = COMPENSATOR_RECORD  # of the records
 
 
-def read_vectors(path: Path, floating: bool) -> GoldenVectors:
+def read_vectors(path: Path, is_float: bool) -> GoldenVectors:
     """Read ``vectors.csv``; where there is no ``applied``, the solved current was applied."""
-    columns = _columns(path, NEEDED, floating)
-    demand, gap, current = (columns[name] for name in NEEDED)
+    columns = _read_columns(path, NEEDED_COLUMNS, is_float)
+    demand, gap, current = (columns[name] for name in NEEDED_COLUMNS)
     how, applied = np.full_like(demand, AS_GIVEN), columns.get("applied", current)
     inputs = np.stack([demand, gap, how, applied, gap], axis=1)
     return GoldenVectors(inputs, {"current": current})
@@ -179,41 +191,45 @@ def read_vectors(path: Path, floating: bool) -> GoldenVectors:
 
 def read_levitation(path: Path) -> GoldenVectors:
     """Read ``controller.csv``: what a position controller is given and has to answer."""
-    columns = _columns(path, (*GIVEN, *ANSWERED), floating=False)
+    columns = _read_columns(path, (*INPUT_COLUMNS, *OUTPUT_NAMES), is_float=False)
     event = columns["dropped"] << np.uint32(16) | columns["command"]
-    inputs = np.stack([*(columns[name] for name in GIVEN[:-2]), event], axis=1)
-    outputs = {ANSWERED[name]: columns[name] for name in ANSWERED}
-    return GoldenVectors(inputs, outputs, CONTROLLER)
+    inputs = np.stack([*(columns[name] for name in INPUT_COLUMNS[:-2]), event], axis=1)
+    outputs = {OUTPUT_NAMES[name]: columns[name] for name in OUTPUT_NAMES}
+    return GoldenVectors(inputs, outputs, CONTROLLER_RECORD)
 
 
-def read_flight(path: Path, form: RecordForm, floating: bool) -> GoldenVectors:
+def read_stage_vectors(path: Path, layout: RecordLayout, is_float: bool) -> GoldenVectors:
     """Read the vectors of a stage: what its controller was given in flight and has to answer."""
-    outputs = form.record[len(form.inputs) :]
-    columns = _columns(path, [column_of(name) for name in form.record], floating)
-    for name in ("command", "flags", "lost", "state") if floating else ():
+    outputs = layout.record[len(layout.inputs) :]
+    columns = _read_columns(path, [record_column_name(name) for name in layout.record], is_float)
+    for name in ("command", "flags", "lost", "state") if is_float else ():
         columns[name] = columns[name].view(np.float32).astype(np.uint32)
-    inputs = np.stack([columns[column_of(name)] for name in form.inputs], axis=1)
-    return GoldenVectors(inputs, {name: columns[column_of(name)] for name in outputs}, form)
+    inputs = np.stack([columns[record_column_name(name)] for name in layout.inputs], axis=1)
+    return GoldenVectors(
+        inputs, {name: columns[record_column_name(name)] for name in outputs}, layout
+    )
 
 
-def column_of(name: str) -> str:
+def record_column_name(name: str) -> str:
     """Return the column in a file of vectors of a word of a record."""
     return name.replace(" ", "_")
 
 
-def _columns(path: Path, needed: Iterable[str], floating: bool) -> dict[str, Words]:
+def _read_columns(path: Path, needed: Iterable[str], is_float: bool) -> dict[str, Words]:
     """Read a file of vectors."""
     with path.open(encoding="utf-8", newline="") as stream:
         lines = csv.reader(row for row in stream if not row.startswith("#"))
         names = [name.strip() for name in next(lines, [])]
         rows = list(lines)
     if not rows:
-        raise _damaged(f"{path}: has no rows", code="damaged-vectors")
+        raise _damaged_error(f"{path}: has no rows", code="damaged-vectors")
     for name in needed:
         if name not in names:
-            raise _damaged(f"{path}: column '{name}' is missing", code="damaged-vectors", key=name)
+            raise _damaged_error(
+                f"{path}: column '{name}' is missing", code="damaged-vectors", key=name
+            )
     try:
-        if floating:
+        if is_float:
             words = np.array(rows, dtype=np.float64).astype(np.float32).view(np.uint32)
         else:
             codes = np.array(rows, dtype=np.int64)
@@ -222,6 +238,6 @@ def _columns(path: Path, needed: Iterable[str], floating: bool) -> dict[str, Wor
             words = (codes & 0xFFFFFFFF).astype(np.uint32)
         words = words.reshape(len(rows), len(names))
     except (ValueError, OverflowError) as error:
-        what = "a number of 32 bits" if floating else "an integer of 32 bits"
-        raise _damaged(f"{path}: a cell is not {what}", code="damaged-vectors") from error
+        what = "a number of 32 bits" if is_float else "an integer of 32 bits"
+        raise _damaged_error(f"{path}: a cell is not {what}", code="damaged-vectors") from error
     return {name: words[:, column] for column, name in enumerate(names)}

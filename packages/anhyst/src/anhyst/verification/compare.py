@@ -11,36 +11,36 @@ from typing import Literal, Protocol
 import numpy as np
 
 from anhyst.compilation import toolchain
-from anhyst.verification.bundle import FORMATS, PLAY, Bundle, GoldenVectors
+from anhyst.verification.bundle import IO_BITS, PLAY_KIND, Bundle, GoldenVectors
 from anhyst.verification.elf import Image
 from anhyst.verification.protocol import (
-    CHECKPOINTS,
+    CHECKPOINT_COUNT,
     RANDOM,
     STACK,
     START,
     VECTORS,
-    WINDOW,
-    RecordForm,
+    WINDOW_RECORDS,
+    RecordLayout,
     Reply,
     Request,
     Words,
-    stage_form,
+    make_stage_record,
 )
 
-HARNESS = Path(__file__).resolve().parent / "harness"
-WITHOUT_LIBRARY = "msp430"
+HARNESS_FOLDER = Path(__file__).resolve().parent / "harness"
+PORT_WITHOUT_RUNTIME = "msp430"
 """The port for which the compiler brings no run-time routines."""
 
-FREE_OF_LIBRARIES = "freestanding"
+FREESTANDING_HEADERS = "freestanding"
 """Folder of headers that a library would bring."""
 
 Subject = Literal["compensator", "controller", "stage"]
 
-SECTIONS_APART = ("-ffunction-sections", "-fdata-sections")
-ONE_ROUNDING_EACH = "-ffp-contract=off"
+SEPARATE_SECTIONS_FLAGS = ("-ffunction-sections", "-fdata-sections")
+NO_FUSED_PRODUCTS_FLAG = "-ffp-contract=off"
 """A product and a sum are rounded each: otherwise two targets cannot have the same bits."""
 
-ROOT_IS_AN_INSTRUCTION = "-fno-math-errno"
+NO_MATH_ERRNO_FLAG = "-fno-math-errno"
 """Where a processor has one; nobody here looks at ``errno``."""
 
 
@@ -66,7 +66,7 @@ class Variant:
 
 
 @dataclass(frozen=True, slots=True)
-class Workshop:
+class BuildFolder:
     """A folder with copies of everything that is compiled."""
 
     bundle: Bundle  # what is verified
@@ -74,17 +74,19 @@ class Workshop:
     subject: Subject = "compensator"  # what of it is run
 
     @classmethod
-    def set_up(cls, bundle: Bundle, folder: Path, subject: Subject = "compensator") -> Workshop:
+    def create(cls, bundle: Bundle, folder: Path, subject: Subject = "compensator") -> BuildFolder:
         """Copy the C of the bundle and the harness into a scratch folder."""
         sources = folder / "c"
         sources.mkdir(parents=True)
         bundle.copy_sources(sources)
-        for source in HARNESS.iterdir():
-            folder_of = sources / FREE_OF_LIBRARIES if source.name == "math.h" else sources
+        for source in HARNESS_FOLDER.iterdir():
+            folder_of = sources / FREESTANDING_HEADERS if source.name == "math.h" else sources
             folder_of.mkdir(exist_ok=True)
             shutil.copyfile(source, folder_of / source.name)
         header = toolchain.ACTUATOR_HEADER
-        texts = toolchain.core_files(toolchain.PIDD2) | {header: toolchain.read_core(header)}
+        texts = toolchain.core_files(toolchain.PIDD2_SOURCES) | {
+            header: toolchain.read_core(header)
+        }
         for name, text in texts.items():
             path = sources / name
             if not path.exists():
@@ -92,54 +94,54 @@ class Workshop:
                 path.write_text(text, encoding="utf-8", newline="\n")
         return cls(bundle, folder, subject)
 
-    def build(self, port: str, *flags: str) -> toolchain.Build:
+    def make_build(self, port: str, *flags: str) -> toolchain.Build:
         """Return what to compile for a port of the harness, such as ``cortex_m``."""
         target = self.folder / "c"
-        ports = [port, "freestanding"] if port == WITHOUT_LIBRARY else [port]
+        ports = [port, "freestanding"] if port == PORT_WITHOUT_RUNTIME else [port]
         sources = [name for name in self.bundle.c_files if name.endswith(".c")]
         if self.subject == "compensator":
             sources = [name for name in sources if name != f"{self.bundle.name}_controller.c"]
-        free = [target / FREE_OF_LIBRARIES] if port == "cortex_m" else []
+        free = [target / FREESTANDING_HEADERS] if port == "cortex_m" else []
         names = [
             "harness.c",
             f"run_{self.subject}.c",
             *(f"{name}.c" for name in ports),
-            *sorted({*sources, *CONTROL_SOURCES}),
+            *sorted({*sources, *PIDD2_PATHS}),
         ]
         return toolchain.Build(
             tuple(target / name for name in names),
             (target, target / "include", target / "port", *free),
             self._defines(),
-            (*SECTIONS_APART, ONE_ROUNDING_EACH, ROOT_IS_AN_INSTRUCTION, *flags),
+            (*SEPARATE_SECTIONS_FLAGS, NO_FUSED_PRODUCTS_FLAG, NO_MATH_ERRNO_FLAG, *flags),
             ("-lm",) if port == "host" and self.subject == "stage" else (),
         )
 
     @property
-    def form(self) -> RecordForm | None:
+    def stage_record(self) -> RecordLayout | None:
         """Form of the records of a stage."""
         stage = self.bundle.stage
-        return stage_form(stage["free"], stage["heads"], stage["magnets"]) if stage else None
+        return make_stage_record(stage["free"], stage["heads"], stage["magnets"]) if stage else None
 
     def _defines(self) -> dict[str, str]:
         """Return the macros of the harness."""
         name = self.bundle.name
-        if self.form is not None:
+        if self.stage_record is not None:
             return {
                 "STAGE_HEADER": f'"{name}_controller.h"',
                 "STAGE(part)": f"{name}_controller##part",
                 "COUNT(part)": f"{name.upper()}_CONTROLLER_##part",
-                "HARNESS_RECORD_WORDS": str(self.form.words),
+                "HARNESS_RECORD_WORDS": str(self.stage_record.word_count),
                 **({} if self.bundle.io == "f32" else {"STAGE_CODES": "1"}),
             }
-        play = {"HARNESS_PLAY": "1"} if self.bundle.kind == PLAY else {}
-        return {"HARNESS_IO": FORMATS[self.bundle.io], **play, **toolchain.actuator_defines(name)}
+        play = {"HARNESS_PLAY": "1"} if self.bundle.kind == PLAY_KIND else {}
+        return {"HARNESS_IO": IO_BITS[self.bundle.io], **play, **toolchain.actuator_defines(name)}
 
 
-CONTROL_SOURCES = tuple(f"{toolchain.SRC}/{name}" for name in toolchain.PIDD2)
+PIDD2_PATHS = tuple(f"{toolchain.SOURCE_FOLDER}/{name}" for name in toolchain.PIDD2_SOURCES)
 
 
 STACK_STEPS = 500
-PARTS = {
+PART_TITLES = {
     "start": "start",
     "vectors": "golden vector",
     "random": "random step",
@@ -162,9 +164,7 @@ class Difference:
 
     def text(self) -> str:
         """Report it in one line."""
-        return (
-            f"{PARTS[self.part]} {self.step}: {self.quantity} is {self.found}, not {self.expected}"
-        )
+        return f"{PART_TITLES[self.part]} {self.step}: {self.quantity} is {self.found}, not {self.expected}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,36 +172,38 @@ class Answers:
     """All that a program answered."""
 
     start: Reply  # after the start, the golden vectors, and the random steps
-    played: Reply
+    golden: Reply
     random: Reply
     vectors: Words  # answers to the golden vectors; shape (rows, words of a record)
     stack: int  # deepest stack below a call of solve or commit, bytes; 0 where it is not measured
 
 
-def run(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) -> Answers:
+def run_program(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) -> Answers:
     """Run golden vectors, random steps, and steps that measure stack."""
-    rows, places, words = vectors.inputs, vectors.form.places, vectors.form.words
-    batches = [rows[at : at + WINDOW] for at in range(0, len(rows), WINDOW)]
-    start = Request(START, seed=seed, words=words)
-    given = [
-        Request(VECTORS, steps=len(batch), rows=batch, places=places, words=words)
+    rows, places, words = vectors.inputs, vectors.layout.input_positions, vectors.layout.word_count
+    batches = [rows[at : at + WINDOW_RECORDS] for at in range(0, len(rows), WINDOW_RECORDS)]
+    start = Request(START, seed=seed, record_words=words)
+    golden = [
+        Request(VECTORS, steps=len(batch), rows=batch, input_positions=places, record_words=words)
         for batch in batches
     ]
-    random = Request(RANDOM, steps=steps, checkpoint_stride=_stride(steps), words=words)
-    stack = Request(STACK, steps=min(steps, STACK_STEPS), words=words)
-    replies = program.run([start, *given, start, random, stack])
+    random = Request(
+        RANDOM, steps=steps, checkpoint_stride=_checkpoint_stride(steps), record_words=words
+    )
+    stack = Request(STACK, steps=min(steps, STACK_STEPS), record_words=words)
+    replies = program.run([start, *golden, start, random, stack])
     answers = [
         reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)
     ]
-    played = np.concatenate([np.zeros((0, words), dtype=np.uint32), *answers])
-    return Answers(replies[0], replies[-4], replies[-2], played, replies[-1].stack_bytes)
+    golden_answers = np.concatenate([np.zeros((0, words), dtype=np.uint32), *answers])
+    return Answers(replies[0], replies[-4], replies[-2], golden_answers, replies[-1].stack_bytes)
 
 
-def _stride(steps: int) -> int:
-    return max(1, -(-steps // CHECKPOINTS))
+def _checkpoint_stride(steps: int) -> int:
+    return max(1, -(-steps // CHECKPOINT_COUNT))
 
 
-def compare(
+def compare_answers(
     programs: tuple[HarnessProgram, HarnessProgram],
     outcomes: tuple[Answers, Answers],
     vectors: GoldenVectors,
@@ -213,22 +215,22 @@ def compare(
     for name in ("status", "words", "hash"):
         expected, answer = getattr(host.start, name), getattr(target.start, name)
         if expected != answer:
-            quantity = f"hash of the {vectors.form.start}" if name == "hash" else name
+            quantity = f"hash of the {vectors.layout.start_contents}" if name == "hash" else name
             return Difference("start", 0, quantity, expected, answer)
-    if (difference := _against_file(target, vectors)) is not None:
+    if (difference := _compare_with_file(target, vectors)) is not None:
         return difference
-    if (wrong := _first_wrong(host.vectors, target.vectors)) is not None:
-        return _difference(vectors.form, "vectors", 0, wrong, host.vectors, target.vectors)
+    if (wrong := _find_mismatch(host.vectors, target.vectors)) is not None:
+        return _make_difference(vectors.layout, "vectors", 0, wrong, host.vectors, target.vectors)
     if host.random.hash == target.random.hash:
         return None
-    return _locate(vectors.form, programs, (host.random, target.random), steps, seed)
+    return _locate_difference(vectors.layout, programs, (host.random, target.random), steps, seed)
 
 
-def _against_file(outcome: Answers, vectors: GoldenVectors) -> Difference | None:
-    places = [vectors.form.record.index(name) for name in vectors.outputs]
+def _compare_with_file(outcome: Answers, vectors: GoldenVectors) -> Difference | None:
+    places = [vectors.layout.record.index(name) for name in vectors.outputs]
     answered = outcome.vectors[:, places]
     expected = np.stack(list(vectors.outputs.values()), axis=1)
-    wrong = _first_wrong(expected, answered)
+    wrong = _find_mismatch(expected, answered)
     if wrong is None:
         return None
     row, column = wrong
@@ -236,8 +238,8 @@ def _against_file(outcome: Answers, vectors: GoldenVectors) -> Difference | None
     return Difference("vectors", row, name, _signed(expected[wrong]), _signed(answered[wrong]))
 
 
-def _locate(
-    form: RecordForm,
+def _locate_difference(
+    layout: RecordLayout,
     programs: tuple[HarnessProgram, HarnessProgram],
     replies: tuple[Reply, Reply],
     steps: int,
@@ -245,15 +247,15 @@ def _locate(
 ) -> Difference:
     """Narrow down the first difference by checkpoints until a window of records holds it."""
     first, last = 0, steps
-    stride = _stride(steps)
+    stride = _checkpoint_stride(steps)
     while True:
         marks = list(range(first, last, stride))
         hashes = (reply.checkpoints[: len(marks)] for reply in replies)
         wrong = np.flatnonzero(np.not_equal(*hashes))
-        bad = int(wrong[0]) if len(wrong) else len(marks)
+        mismatch = int(wrong[0]) if len(wrong) else len(marks)
         # The hash kept before a step speaks of the steps before it.
-        first, last = marks[bad - 1], marks[bad] if bad < len(marks) else last
-        stride = _stride(last - first)
+        first, last = marks[mismatch - 1], marks[mismatch] if mismatch < len(marks) else last
+        stride = _checkpoint_stride(last - first)
         # Run both up to the last step, with a hash kept from the first one on at every stride.
         random = Request(
             RANDOM,
@@ -261,31 +263,31 @@ def _locate(
             checkpoint_first=first,
             checkpoint_stride=stride,
             window_first=first,
-            words=form.words,
+            record_words=layout.word_count,
         )
-        requests = [Request(START, seed=seed, words=form.words), random]
+        requests = [Request(START, seed=seed, record_words=layout.word_count), random]
         host, target = (program.run(requests)[-1] for program in programs)
         replies = host, target
-        if last - first <= WINDOW:
+        if last - first <= WINDOW_RECORDS:
             records = [reply.window[: last - first] for reply in replies]
-            difference = _first_wrong(*records)
+            difference = _find_mismatch(*records)
             if difference is None:
                 ends = (reply.hash for reply in replies)
                 return Difference("random", first, "not repeatable: the hash", *ends)
-            return _difference(form, "random", first, difference, *records)
+            return _make_difference(layout, "random", first, difference, *records)
 
 
-def _first_wrong(host: Words, target: Words) -> tuple[int, int] | None:
+def _find_mismatch(host: Words, target: Words) -> tuple[int, int] | None:
     wrong = np.argwhere(host != target)
     return (int(wrong[0, 0]), int(wrong[0, 1])) if len(wrong) else None
 
 
-def _difference(
-    form: RecordForm, part: str, first: int, index: tuple[int, int], host: Words, target: Words
+def _make_difference(
+    layout: RecordLayout, part: str, first: int, index: tuple[int, int], host: Words, target: Words
 ) -> Difference:
     row, word = index
     return Difference(
-        part, first + row, form.record[word], _signed(host[row, word]), _signed(target[row, word])
+        part, first + row, layout.record[word], _signed(host[row, word]), _signed(target[row, word])
     )
 
 

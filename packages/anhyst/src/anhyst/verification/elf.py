@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compilation.toolchain import PIDD2
+from anhyst.compilation.toolchain import PIDD2_SOURCES
 
-FLASH = 0x08000000
+FLASH_ADDRESS = 0x08000000
 """Where the code of a Cortex-M stands, as in ``harness/cortex_m.ld``."""
 
-CONTROL = {name.rpartition("/")[2] for name in PIDD2}
+CONTROL_FILES = {name.rpartition("/")[2] for name in PIDD2_SOURCES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,26 +124,26 @@ def measure_sizes(
     prefixes = ("anhyst_", parameters, f"{actuator}_controller")
     code = control = tables = block = variables = 0
     for symbol in image.symbols:
-        ours = symbol.name.startswith(prefixes) or symbol.source in sources
-        if symbol.kind == "STT_FUNC" and ours:
-            if symbol.name.startswith("anhyst_pidd2") or symbol.source in CONTROL:
+        is_counted = symbol.name.startswith(prefixes) or symbol.source in sources
+        if symbol.kind == "STT_FUNC" and is_counted:
+            if symbol.name.startswith("anhyst_pidd2") or symbol.source in CONTROL_FILES:
                 control += symbol.size
             else:
                 code += symbol.size
-        elif symbol.kind == "STT_OBJECT" and ours:
-            constant = symbol.section.startswith(".data" if constants_in_data else ".rodata")
+        elif symbol.kind == "STT_OBJECT" and is_counted:
+            is_constant = symbol.section.startswith(".data" if constants_in_data else ".rodata")
             if symbol.name == parameters or symbol.source == f"{parameters}.c":
                 block += symbol.size
-            elif constant:
+            elif is_constant:
                 tables += symbol.size
             else:
                 variables += symbol.size
     return ProgramSizes(code, control, tables, block, variables)
 
 
-WORD = 4
-ANYWHERE = -1
-_LOADED = re.compile(r"(\w+), \[\w+(?:, #((?:0x)?[0-9a-f]+))?\]")
+WORD_BYTES = 4
+UNKNOWN_OFFSET = -1
+_LOAD_OPERANDS = re.compile(r"(\w+), \[\w+(?:, #((?:0x)?[0-9a-f]+))?\]")
 _NUMBER = re.compile(r"#(-?(?:0x)?[0-9a-f]+)")
 
 
@@ -153,12 +153,12 @@ class _Function:
 
     frame: int
     callees: frozenset[int]
-    named: frozenset[int]
+    referenced: frozenset[int]
     # calls through a pointer: where in its table that was read, ANYWHERE where that is not seen
-    places: frozenset[int]
+    pointer_offsets: frozenset[int]
 
 
-def stack_below(image: Image, roots: Iterable[str]) -> int | None:
+def worst_case_stack(image: Image, roots: Iterable[str]) -> int | None:
     """Return the deepest stack of a call of any of these functions; bytes.
 
     Frames and calls are read from the code. A call through a pointer is taken to reach any
@@ -166,36 +166,45 @@ def stack_below(image: Image, roots: Iterable[str]) -> int | None:
     none that is already running: nothing here calls itself through a pointer.
     """
     functions = {symbol.address & ~1: symbol for symbol in image.functions()}
-    known = {address: _read(image, symbol, functions) for address, symbol in functions.items()}
-    pointed = _in_constants(image, functions)
-    pointed[ANYWHERE] = pointed[ANYWHERE].union(*(function.named for function in known.values()))
+    analysed = {
+        address: _analyse_function(image, symbol, functions)
+        for address, symbol in functions.items()
+    }
+    by_offset = _find_function_pointers(image, functions)
+    by_offset[UNKNOWN_OFFSET] = by_offset[UNKNOWN_OFFSET].union(
+        *(function.referenced for function in analysed.values())
+    )
 
-    def reached(address: int) -> set[int]:
-        if address == ANYWHERE:
-            return set().union(*pointed.values())
-        return pointed[address] | pointed[ANYWHERE]
+    def pointer_targets(address: int) -> set[int]:
+        if address == UNKNOWN_OFFSET:
+            return set().union(*by_offset.values())
+        return by_offset[address] | by_offset[UNKNOWN_OFFSET]
 
     def depth(address: int, running: frozenset[int]) -> float:
-        function, inside = known[address], running | {address}
-        if function.callees & inside:
+        function, active = analysed[address], running | {address}
+        if function.callees & active:
             return math.inf
-        callees = function.callees.union(*(reached(place) - inside for place in function.places))
-        return function.frame + max((depth(callee, inside) for callee in callees), default=0)
+        callees = function.callees.union(
+            *(pointer_targets(place) - active for place in function.pointer_offsets)
+        )
+        return function.frame + max((depth(callee, active) for callee in callees), default=0)
 
     deepest = max(depth(image.address(root), frozenset()) for root in roots)
     return None if deepest == math.inf else int(deepest)
 
 
-def _in_constants(image: Image, functions: dict[int, Symbol]) -> defaultdict[int, set[int]]:
+def _find_function_pointers(
+    image: Image, functions: dict[int, Symbol]
+) -> defaultdict[int, set[int]]:
     """Find functions whose address stands in a constant, by its place there, or between functions."""
     objects = (symbol for symbol in image.symbols if symbol.kind == "STT_OBJECT")
-    places = {item.address + at: at for item in objects for at in range(0, item.size, WORD)}
+    places = {item.address + at: at for item in objects for at in range(0, item.size, WORD_BYTES)}
     callees: defaultdict[int, set[int]] = defaultdict(set)
     for address, content in image.segments:
-        for at in range(0, len(content) - WORD + 1, WORD):
-            word = int.from_bytes(content[at : at + WORD], "little")
+        for at in range(0, len(content) - WORD_BYTES + 1, WORD_BYTES):
+            word = int.from_bytes(content[at : at + WORD_BYTES], "little")
             if word & 1 and word & ~1 in functions:
-                callees[places.get(address + at, ANYWHERE)].add(word & ~1)
+                callees[places.get(address + at, UNKNOWN_OFFSET)].add(word & ~1)
     return callees
 
 
@@ -211,56 +220,56 @@ def _instructions(image: Image, begin: int = 0, end: int = 1 << 32) -> Iterator[
                 yield from decoder.disasm(content[low - address : high - address], low)
 
 
-def _read(image: Image, symbol: Symbol, functions: dict[int, Symbol]) -> _Function:
+def _analyse_function(image: Image, symbol: Symbol, functions: dict[int, Symbol]) -> _Function:
     """Add up what a function pushes, and list what it calls."""
     begin = symbol.address & ~1
-    frame, callees, named, places = 0, set(), set(), set()
+    frame, callees, referenced, pointer_offsets = 0, set(), set(), set()
     low_halves: dict[str, int] = {}
     loaded: dict[str, int] = {}
     for instruction in _instructions(image, begin, begin + symbol.size):
         name = instruction.mnemonic.split(".")[0]
-        frame += _pushed(name, instruction.op_str)
+        frame += _pushed_bytes(name, instruction.op_str)
         register, _, value = instruction.op_str.partition(", ")
-        if name == "ldr" and (load := _LOADED.fullmatch(instruction.op_str)):
+        if name == "ldr" and (load := _LOAD_OPERANDS.fullmatch(instruction.op_str)):
             loaded[load[1]] = int(load[2] or "0", 0)
         elif name == "movw":
-            low_halves[register] = _number(value)
+            low_halves[register] = _immediate(value)
         elif name == "movt":
-            named.add((_number(value) << 16 | low_halves.get(register, 0)) & ~1)
+            referenced.add((_immediate(value) << 16 | low_halves.get(register, 0)) & ~1)
         elif name == "blx" or (name == "bx" and instruction.op_str != "lr"):
-            places.add(loaded.get(instruction.op_str, ANYWHERE))
+            pointer_offsets.add(loaded.get(instruction.op_str, UNKNOWN_OFFSET))
         elif name.startswith("b") and (number := _NUMBER.fullmatch(instruction.op_str)):
             target = int(number[1], 0)
             # A jump back to the start of a loop is not a call of itself.
             if target in functions and (target != begin or name == "bl"):
                 callees.add(target)
-    own = frozenset(callees), frozenset(named & functions.keys()), frozenset(places)
-    return _Function(frame, *own)
+    calls = frozenset(callees), frozenset(referenced & functions.keys()), frozenset(pointer_offsets)
+    return _Function(frame, *calls)
 
 
-def _number(operands: str) -> int:
+def _immediate(operands: str) -> int:
     number = _NUMBER.search(operands)
     return int(number[1], 0) if number else 0
 
 
-def _pushed(name: str, operands: str) -> int:
+def _pushed_bytes(name: str, operands: str) -> int:
     if name in {"push", "vpush"}:
-        size = 2 * WORD if operands.startswith("{d") else WORD
-        return size * sum(_registers(part) for part in operands.strip("{}").split(","))
+        size = 2 * WORD_BYTES if operands.startswith("{d") else WORD_BYTES
+        return size * sum(_count_registers(part) for part in operands.strip("{}").split(","))
     if name in {"sub", "subw"} and operands.startswith("sp,"):
-        return _number(operands)
+        return _immediate(operands)
     if name == "str" and "[sp, #-" in operands and operands.endswith("!"):
-        return -_number(operands)
+        return -_immediate(operands)
     return 0
 
 
-def _registers(part: str) -> int:
+def _count_registers(part: str) -> int:
     first, _, last = part.strip().partition("-")
     return int(last[1:]) - int(first[1:]) + 1 if last else 1
 
 
 CLOCK_HZ = 60e6
-SOURCE = "cortex-m0plus"
+ESTIMATE_TARGET = "cortex-m0plus"
 
 Prefix = NDArray[np.uint32]
 
@@ -287,11 +296,11 @@ class Estimate:
     rate: float  # ticks a second at :data:`CLOCK_HZ` if nothing else ran, Hz
 
 
-def costs_of(prices: Prices, image: Image, code: bytes) -> Prefix:
+def instruction_prices(prices: Prices, image: Image, code: bytes) -> Prefix:
     """Price each instruction of a Thumb program: the cycles before each half-word."""
     cycles = np.zeros(len(code) // 2, dtype=np.uint32)
     for instruction in _instructions(image):
-        cycles[(instruction.address - FLASH) // 2] = _price(prices, instruction)
+        cycles[(instruction.address - FLASH_ADDRESS) // 2] = _price(prices, instruction)
     return np.concatenate(([np.uint32(0)], np.cumsum(cycles, dtype=np.uint32)))
 
 

@@ -16,22 +16,22 @@ import numpy as np
 
 from anhyst.compilation.toolchain import Build, compile_c, zig_cc
 from anhyst.support.errors import NegativeResult
-from anhyst.verification.elf import FLASH, Image, Prefix
+from anhyst.verification.elf import FLASH_ADDRESS, Image, Prefix
 from anhyst.verification.protocol import (
     BOX_BYTES,
     VECTORS,
     WINDOW_OFFSET,
     Reply,
     Request,
-    target_failed,
-    too_slow,
+    target_failed_error,
+    time_limit_error,
 )
 
-TIME_LIMIT, TIME_A_STEP = 60.0, 0.02  # s, of an answer; a step of solid iron takes 1 ms
+TIME_LIMIT_S, TIME_PER_STEP_S = 60.0, 0.02  # s, of an answer; a step of solid iron takes 1 ms
 FLASH_BYTES = 256 * 1024
-RAM, RAM_BYTES = 0x20000000, 64 * 1024
+RAM_ADDRESS, RAM_BYTES = 0x20000000, 64 * 1024
 
-Costs = Callable[[Image, bytes], Prefix]
+CostFunction = Callable[[Image, bytes], Prefix]
 
 
 class _Counter(ctypes.Structure):
@@ -48,20 +48,20 @@ class _Counter(ctypes.Structure):
     )
 
 
-def build_counter(harness: Path, folder: Path, wanted_by: str) -> Path:
+def build_counter(harness: Path, folder: Path, target: str) -> Path:
     """Compile the hook that counts, for this machine."""
     build = Build((harness / "counter.c",), flags=("-O2", "-shared", "-fPIC"))
     library = folder / "counter.so"
-    compile_c(zig_cc(wanted_by), build, library, wanted_by)
+    compile_c(zig_cc(target), build, library, target)
     return library
 
 
-def instruction_costs(image: Image, code: bytes) -> Prefix:
+def count_instructions(image: Image, code: bytes) -> Prefix:
     """Count every instruction as one: the number of instructions before each half-word."""
     halfwords = np.frombuffer(code, dtype="<u2")
     begins = np.zeros(len(halfwords), dtype=np.uint32)
     for begin, stop in image.thumb_ranges():
-        at, end = (begin - FLASH) // 2, (stop - FLASH) // 2
+        at, end = (begin - FLASH_ADDRESS) // 2, (stop - FLASH_ADDRESS) // 2
         while at < end:
             begins[at] = 1
             at += 2 if halfwords[at] >= 0xE800 else 1  # a Thumb instruction of 32 or 16 bits
@@ -77,7 +77,7 @@ class CortexProgram:
     image: Image  # the program
     counter: Path  # the compiled hook
     # what a block costs, as prefix sums over the code's half-words
-    costs: Costs = instruction_costs
+    costs: CostFunction = count_instructions
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
         """Answer one request after the other, from reset; anew if the emulator hung, as it once did."""
@@ -104,27 +104,31 @@ class _Machine:
         self._uc: Any = unicorn.Uc(unicorn.UC_ARCH_ARM, thumb)
         self._uc.ctl_set_cpu_model(getattr(arm_const, program.cpu))
         self._ram = (ctypes.c_ubyte * RAM_BYTES)()
-        self._uc.mem_map(FLASH, FLASH_BYTES, unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC)
+        self._uc.mem_map(FLASH_ADDRESS, FLASH_BYTES, unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC)
         access = unicorn.UC_PROT_READ | unicorn.UC_PROT_WRITE
-        self._uc.mem_map_ptr(RAM, RAM_BYTES, access, ctypes.addressof(self._ram))
+        self._uc.mem_map_ptr(RAM_ADDRESS, RAM_BYTES, access, ctypes.addressof(self._ram))
         for address, content in program.image.segments:
             self._uc.mem_write(address, content)
-        self._box = program.image.address("harness_box") - RAM
+        self._box = program.image.address("harness_box") - RAM_ADDRESS
         self._wait = program.image.address("harness_wait")
-        self._hook_counter(program)
-        self._go(program.image.address("reset"), program.image.address("link_stack_top"))
+        self._add_counting_hook(program)
+        self._run_until_wait(
+            program.image.address("reset"), program.image.address("link_stack_top")
+        )
 
-    def _hook_counter(self, program: CortexProgram) -> None:
+    def _add_counting_hook(self, program: CortexProgram) -> None:
         """Add the counting hook as native code: Python would take a hundred times as long."""
         unicorn: Any = import_module("unicorn")
         uclib: Any = import_module("unicorn.unicorn_py3.unicorn").uclib
         image = program.image
-        code = bytes(self._uc.mem_read(FLASH, FLASH_BYTES))
+        code = bytes(self._uc.mem_read(FLASH_ADDRESS, FLASH_BYTES))
         self._prefix = np.ascontiguousarray(program.costs(image, code), dtype=np.uint32)
         prefix = self._prefix.ctypes.data_as(ctypes.POINTER(ctypes.c_uint32))
         clock = (image.address(f"harness_clock_{end}") for end in ("start", "stop"))
-        result = ctypes.addressof(self._ram) + (image.address("harness_count") - RAM)
-        self._counter = _Counter(FLASH, FLASH + FLASH_BYTES, prefix, *clock, result, 0)
+        result = ctypes.addressof(self._ram) + (image.address("harness_count") - RAM_ADDRESS)
+        self._counter = _Counter(
+            FLASH_ADDRESS, FLASH_ADDRESS + FLASH_BYTES, prefix, *clock, result, 0
+        )
         self._library = ctypes.CDLL(str(program.counter))
         count = ctypes.cast(self._library.count_block, ctypes.c_void_p)
         hook, everywhere = ctypes.c_size_t(), (ctypes.c_uint64(1), ctypes.c_uint64(0))
@@ -135,9 +139,9 @@ class _Machine:
         if status != unicorn.UC_ERR_OK:
             raise self._error(status)
 
-    def _go(self, address: int, stack: int | None = None, steps: int = 0) -> None:
+    def _run_until_wait(self, address: int, stack: int | None = None, steps: int = 0) -> None:
         """Run until the program waits."""
-        time_limit = TIME_LIMIT + TIME_A_STEP * steps
+        time_limit = TIME_LIMIT_S + TIME_PER_STEP_S * steps
         if stack is not None:
             self._uc.reg_write(self._registers.UC_ARM_REG_SP, stack)
         # Unicorn's own limit keeps a processor busy with looking at the clock
@@ -148,23 +152,25 @@ class _Machine:
             self._uc.emu_start(address | 1, self._wait)
         except self._error as error:
             at = self._uc.reg_read(self._registers.UC_ARM_REG_PC)
-            raise target_failed(self._name, f"{error} at {at:#010x}") from None
+            raise target_failed_error(self._name, f"{error} at {at:#010x}") from None
         finally:
             watchdog.cancel()
         if self._uc.reg_read(self._registers.UC_ARM_REG_PC) != self._wait:
-            raise too_slow(self._name, time_limit)
+            raise time_limit_error(self._name, time_limit)
 
     def answer(self, request: Request) -> Reply:
         """Put a request into the box, run, and read the box."""
         for offset, content in ((0, request.pack()), (WINDOW_OFFSET, request.pack_rows())):
             ctypes.memmove(ctypes.addressof(self._ram) + self._box + offset, content, len(content))
-        self._go(self._uc.reg_read(self._registers.UC_ARM_REG_LR) & ~1, steps=request.steps)
+        self._run_until_wait(
+            self._uc.reg_read(self._registers.UC_ARM_REG_LR) & ~1, steps=request.steps
+        )
         return Reply.unpack(bytes(self._ram[self._box : self._box + request.box_bytes]))
 
 
-SIMULATOR_TIME_LIMIT = 1800.0
+SIMULATOR_TIME_LIMIT_S = 1800.0
 DUMP_LINE = re.compile(r"^\s+[0-9a-f]{5}: ((?:[0-9a-f]{2} ){1,16})\s*\|")
-A_LINE = 16
+BYTES_PER_LINE = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,32 +183,34 @@ class Msp430Program:
     def run(self, requests: Sequence[Request]) -> list[Reply]:
         """Answer one request after the other, from reset."""
         script = self.path.with_suffix(".script")
-        script.write_text("\n".join(self._script(requests)) + "\n", encoding="ascii")
+        script.write_text("\n".join(self._simulator_commands(requests)) + "\n", encoding="ascii")
         command = ["mspdebug", "-q", "sim", f"read {script.name}"]
         try:
-            done = subprocess.run(
+            process = subprocess.run(
                 command,
                 cwd=self.path.parent,
                 capture_output=True,
                 text=True,
                 errors="replace",
-                timeout=SIMULATOR_TIME_LIMIT,
+                timeout=SIMULATOR_TIME_LIMIT_S,
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            raise too_slow("msp430", SIMULATOR_TIME_LIMIT) from None
+            raise time_limit_error("msp430", SIMULATOR_TIME_LIMIT_S) from None
         dump = bytes(
             int(byte, 16)
-            for line in done.stdout.splitlines()
+            for line in process.stdout.splitlines()
             if (match := DUMP_LINE.match(line))
             for byte in match[1].split()
         )
-        if done.returncode or len(dump) != len(requests) * BOX_BYTES:
-            last = (done.stderr.strip() or done.stdout.strip() or "no reason given").splitlines()
-            raise target_failed("msp430", f"mspdebug ended early: {last[-1]}")
+        if process.returncode or len(dump) != len(requests) * BOX_BYTES:
+            last = (
+                process.stderr.strip() or process.stdout.strip() or "no reason given"
+            ).splitlines()
+            raise target_failed_error("msp430", f"mspdebug ended early: {last[-1]}")
         return [Reply.unpack(dump[at : at + BOX_BYTES]) for at in range(0, len(dump), BOX_BYTES)]
 
-    def _script(self, requests: Sequence[Request]) -> list[str]:
+    def _simulator_commands(self, requests: Sequence[Request]) -> list[str]:
         """Return the simulator's commands.
 
         Memory is written by ``mw`` and read by ``md``: ``load_raw`` and ``save_raw`` reset the
@@ -219,15 +227,16 @@ class Msp430Program:
             "run",
         ]
         for request in requests:
-            lines += _write(box, request.pack())
+            lines += _write_commands(box, request.pack())
             if request.mode == VECTORS:
-                lines += _write(box + WINDOW_OFFSET, request.pack_rows())
+                lines += _write_commands(box + WINDOW_OFFSET, request.pack_rows())
             lines += ["step", "run", f"md {box:#x} {BOX_BYTES}"]
         return [*lines, "exit"]
 
 
-def _write(address: int, content: bytes) -> list[str]:
+def _write_commands(address: int, content: bytes) -> list[str]:
     return [
-        f"mw {address + at:#x} " + " ".join(f"{byte:#04x}" for byte in content[at : at + A_LINE])
-        for at in range(0, len(content), A_LINE)
+        f"mw {address + at:#x} "
+        + " ".join(f"{byte:#04x}" for byte in content[at : at + BYTES_PER_LINE])
+        for at in range(0, len(content), BYTES_PER_LINE)
     ]

@@ -12,8 +12,8 @@ from anhyst.support.errors import NegativeResult
 
 Words = NDArray[np.uint32]
 
-CHECKPOINTS = 64
-WINDOW = 48
+CHECKPOINT_COUNT = 64
+WINDOW_RECORDS = 48
 
 START, RANDOM, VECTORS, STACK = range(4)
 AS_SOLVED, AS_GIVEN, ON_GRID = range(3)
@@ -22,28 +22,28 @@ RECORD_WORDS = 18
 
 
 @dataclass(frozen=True, slots=True)
-class RecordForm:
+class RecordLayout:
     """What the words of a record and the sections mean; as in ``harness/harness.h``."""
 
     record: tuple[str, ...]  # names of the words; RECORD_WORDS of them, of a stage more
     inputs: tuple[str, ...]  # those that go in
     sections: tuple[str, ...]  # what is timed; nothing where a section is not used
     # how often the clock was started and stopped for one count of a section, where not once
-    calls: Mapping[str, int]
-    start: str  # what of a start is compared by its hash
+    clock_calls: Mapping[str, int]
+    start_contents: str  # what of a start is compared by its hash
 
     @property
-    def words(self) -> int:
+    def word_count(self) -> int:
         """How long a record is."""
         return len(self.record)
 
     @property
-    def places(self) -> list[int]:
+    def input_positions(self) -> list[int]:
         """Where the inputs stand in a record."""
         return [self.record.index(name) for name in self.inputs]
 
 
-COMPENSATOR = RecordForm(
+COMPENSATOR_RECORD = RecordLayout(
     record=(
         "demand", "gap", "how", "current", "flags", "flux", "applied", "applied gap", "output",
         "applied flux", "memory a", "memory b", "memory c", "memory d", "memory e",
@@ -55,26 +55,33 @@ COMPENSATOR = RecordForm(
         "pidd2", "tick, rounded", "tick",
     ),
     # A tick is made of four parts: PIDD2 and compensator, solve and commit each.
-    calls={"tick, rounded": 4, "tick": 4, "pidd2": 2},
-    start="conditioning sequence",
+    clock_calls={"tick, rounded": 4, "tick": 4, "pidd2": 2},
+    start_contents="conditioning sequence",
 )  # fmt: skip
 
-_CONTROLLER_IN = ("position", "target", "load", "measured current 1", "measured current 2", "event")
+_CONTROLLER_INPUTS = (
+    "position",
+    "target",
+    "load",
+    "measured current 1",
+    "measured current 2",
+    "event",
+)
 
-CONTROLLER = RecordForm(
+CONTROLLER_RECORD = RecordLayout(
     record=(
-        *_CONTROLLER_IN,
+        *_CONTROLLER_INPUTS,
         *("current 1", "current 2", "reference", "demand", "state", "flags", "fault"),
         *("integral", "velocity", "memory a", "memory b", "memory c"),
     ),
-    inputs=_CONTROLLER_IN,
+    inputs=_CONTROLLER_INPUTS,
     sections=("clock", "tick, controls", "tick, ramps", "tick, rests", *[""] * 4, "tick"),
-    calls={},
-    start="limits",
+    clock_calls={},
+    start_contents="limits",
 )
 
 
-def stage_form(free: Sequence[str], heads: int, magnets: int) -> RecordForm:
+def make_stage_record(free: Sequence[str], heads: int, magnets: int) -> RecordLayout:
     """Return the form of a stage's records."""
     inputs = (
         *(f"head {n}" for n in range(1, heads + 1)),
@@ -91,17 +98,17 @@ def stage_form(free: Sequence[str], heads: int, magnets: int) -> RecordForm:
         "state",
     )
     parts = ("clock", "tick, no limit", "tick, at a limit", *[""] * 5, "tick")
-    return RecordForm((*inputs, *outputs), inputs, parts, {}, "sizes")
+    return RecordLayout((*inputs, *outputs), inputs, parts, {}, "sizes")
 
 
-_REQUEST = 6
-_REPLY = 8
+_REQUEST_WORDS = 6
+_REPLY_WORDS = 8
 _SECTION_WORDS = 6
-SECTIONS = 9
-_SECTIONS_AT = _REQUEST + _REPLY
-_CHECKPOINTS_AT = _SECTIONS_AT + _SECTION_WORDS * SECTIONS
-_WINDOW_AT = _CHECKPOINTS_AT + CHECKPOINTS
-BOX_WORDS = _WINDOW_AT + WINDOW * RECORD_WORDS
+SECTION_COUNT = 9
+_SECTIONS_AT = _REQUEST_WORDS + _REPLY_WORDS
+_CHECKPOINTS_AT = _SECTIONS_AT + _SECTION_WORDS * SECTION_COUNT
+_WINDOW_AT = _CHECKPOINTS_AT + CHECKPOINT_COUNT
+BOX_WORDS = _WINDOW_AT + WINDOW_RECORDS * RECORD_WORDS
 BOX_BYTES = 4 * BOX_WORDS
 
 
@@ -117,13 +124,13 @@ class Request:
     checkpoint_stride: int = 1
     window_first: int = 0  # records are kept from this step on, WINDOW of them
     rows: Words | None = None  # inputs, for VECTORS; shape (steps, n)
-    places: Sequence[int] = ()  # where they stand in a record, n places
-    words: int = RECORD_WORDS  # of a record
+    input_positions: Sequence[int] = ()  # where they stand in a record, n places
+    record_words: int = RECORD_WORDS  # of a record
 
     @property
     def box_bytes(self) -> int:
         """Size of the box."""
-        return 4 * (_WINDOW_AT + WINDOW * self.words)
+        return 4 * (_WINDOW_AT + WINDOW_RECORDS * self.record_words)
 
     def pack(self) -> bytes:
         """Lay the request out as the target reads it: the words from the start of the box."""
@@ -133,13 +140,13 @@ class Request:
 
     def pack_rows(self) -> bytes:
         """Lay the inputs out as the target reads them: the words from WINDOW_OFFSET on."""
-        window = np.zeros((WINDOW, self.words), dtype="<u4")
+        window = np.zeros((WINDOW_RECORDS, self.record_words), dtype="<u4")
         if self.rows is not None:
-            window[: len(self.rows), list(self.places)] = self.rows
+            window[: len(self.rows), list(self.input_positions)] = self.rows
         return window.tobytes()
 
 
-REQUEST_BYTES = 4 * _REQUEST
+REQUEST_BYTES = 4 * _REQUEST_WORDS
 WINDOW_OFFSET = 4 * _WINDOW_AT
 
 
@@ -148,9 +155,9 @@ class CycleSection:
     """Instructions or cycles of one part of the step, those of the clock itself included."""
 
     count: int
-    least: int
-    most: int
-    most_at: int
+    minimum: int
+    maximum: int
+    maximum_step: int
     total: int
 
 
@@ -173,27 +180,27 @@ class Reply:
     def unpack(cls, box: bytes) -> Reply:
         """Read a box."""
         words = np.frombuffer(box, dtype="<u4")
-        if words[_REQUEST] != len(words):
+        if words[_REQUEST_WORDS] != len(words):
             raise ValueError("the target lays the box out otherwise")
-        _, status, *numbers = (int(word) for word in words[_REQUEST:_SECTIONS_AT])
-        table = words[_SECTIONS_AT:_CHECKPOINTS_AT].reshape(SECTIONS, _SECTION_WORDS)
+        _, status, *numbers = (int(word) for word in words[_REQUEST_WORDS:_SECTIONS_AT])
+        table = words[_SECTIONS_AT:_CHECKPOINTS_AT].reshape(SECTION_COUNT, _SECTION_WORDS)
         sections = tuple(
             CycleSection(count, least, most, most_at, low + (high << 32))
             for count, least, most, most_at, low, high in table.tolist()
         )
-        window = words[_WINDOW_AT:].reshape(WINDOW, -1)
+        window = words[_WINDOW_AT:].reshape(WINDOW_RECORDS, -1)
         status = status - (1 << 32) if status >> 31 else status
         state, control, block, stack, step, folded = numbers
         hashes = words[_CHECKPOINTS_AT:_WINDOW_AT]
         return cls(status, state, control, block, stack, step, folded, sections, hashes, window)
 
 
-def target_failed(target: str, why: str) -> NegativeResult:
+def target_failed_error(target: str, reason: str) -> NegativeResult:
     """Say why a target gave no answer."""
-    return NegativeResult(f"target {target}: {why}", code="target-failed", key=target)
+    return NegativeResult(f"target {target}: {reason}", code="target-failed", key=target)
 
 
-def too_slow(target: str, limit: float) -> NegativeResult:
+def time_limit_error(target: str, limit: float) -> NegativeResult:
     """Say that a target took longer than a limit, s."""
     return NegativeResult(
         f"target {target}: did not end within {limit:.0f} s", code="time-limit", key=target

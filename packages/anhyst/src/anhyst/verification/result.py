@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from anhyst.compilation.toolchain import Missing
+from anhyst.compilation.toolchain import MissingTool
 from anhyst.support.atomic import atomic_writer
-from anhyst.support.result import Result, columns_of
+from anhyst.support.result import Result, rows_to_columns
 from anhyst.verification.compare import Difference
 from anhyst.verification.elf import CLOCK_HZ, PRICES, Estimate, ProgramSizes
 
@@ -111,7 +111,7 @@ class Verification(Result):
     results: tuple[TargetResult, ...]
     estimates: tuple[Estimate, ...]
     not_run: tuple[str, ...] = ()
-    missing: tuple[Missing, ...] = ()
+    missing: tuple[MissingTool, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -132,23 +132,23 @@ class Verification(Result):
             json.dump(self.as_dict(), stream, indent=2, allow_nan=False)
             stream.write("\n")
         with atomic_writer(folder / TEXT_FILE) as stream:
-            stream.write(_markdown(self))
+            stream.write(_markdown_report(self))
 
-    def tables(self) -> list[Rows]:
+    def tables(self) -> list[TextTable]:
         """Return what was found as tables for a person."""
         same = ((result,) for result in self.results)
-        rows = [_rows("bit for bit the same as on the host", _EQUALITY, same)]
+        rows = [_make_table("bit for bit the same as on the host", _EQUALITY_COLUMNS, same)]
         costs = [(result, cost) for result in self.results for cost in result.costs]
         sizes = [(result, result.sizes) for result in self.results if result.sizes is not None]
         missing = [(lack, lack.target in self.not_run) for lack in self.missing]
         if costs:
-            rows.append(_rows("time of a step", _COSTS, costs))
+            rows.append(_make_table("time of a step", _COST_COLUMNS, costs))
         if sizes:
-            rows.append(_rows("memory, bytes", _MEMORY, sizes))
+            rows.append(_make_table("memory, bytes", _MEMORY_COLUMNS, sizes))
         if self.estimates:
-            rows.append(_estimates(self.estimates))
+            rows.append(_estimate_table(self.estimates))
         if missing:
-            rows.append(_rows("missing tools", _MISSING, missing))
+            rows.append(_make_table("missing tools", _MISSING_COLUMNS, missing))
         return rows
 
     def facts(self) -> dict[str, str]:
@@ -163,7 +163,7 @@ class Verification(Result):
     def to_columns(self) -> dict[str, Any]:
         """Return the cost of each part of a step on each target, in the target's unit."""
         names = ("target", "build", "passed", "unit")
-        return columns_of(
+        return rows_to_columns(
             [
                 {name: getattr(result, name) for name in names} | asdict(cost)
                 for result in self.results
@@ -186,7 +186,7 @@ TEXT_FILE = "verify.md"
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class TextTable:
     """A table: headings, and cells as text."""
 
     title: str
@@ -194,20 +194,22 @@ class Rows:
     cells: tuple[tuple[str, ...], ...]
 
 
-def _rows(title: str, columns: Mapping[str, Callable[..., object]], items: Iterable[Any]) -> Rows:
+def _make_table(
+    title: str, columns: Mapping[str, Callable[..., object]], items: Iterable[Any]
+) -> TextTable:
     """Return a row for each item: of each column, what its function says of it, or a dash."""
     texts = ([text(*item) for text in columns.values()] for item in items)
     cells = (tuple("-" if text is None else str(text) for text in row) for row in texts)
-    return Rows(title, tuple(columns), tuple(cells))
+    return TextTable(title, tuple(columns), tuple(cells))
 
 
-_MISSING: Mapping[str, Callable[[Missing, bool], object]] = {
+_MISSING_COLUMNS: Mapping[str, Callable[[MissingTool, bool], object]] = {
     "target": lambda lack, _: lack.target,
     "tool": lambda lack, _: lack.tool,
     "comes with": lambda lack, _: lack.install,
     "outcome": lambda _, is_left_out: "did not run" if is_left_out else "ran without it",
 }
-_EQUALITY: Mapping[str, Callable[[TargetResult], object]] = {
+_EQUALITY_COLUMNS: Mapping[str, Callable[[TargetResult], object]] = {
     "target": lambda result: result.label,
     "random steps": lambda result: result.steps,
     "golden vectors": lambda result: result.vectors,
@@ -215,7 +217,7 @@ _EQUALITY: Mapping[str, Callable[[TargetResult], object]] = {
     "s": lambda result: f"{result.seconds:.1f}",
     "result": lambda result: result.verdict() if result.passed else "DIFFERS",
 }
-_COSTS: Mapping[str, Callable[[TargetResult, Cost], object]] = {
+_COST_COLUMNS: Mapping[str, Callable[[TargetResult, Cost], object]] = {
     "target": lambda result, _: result.label,
     "part of a step": lambda _, cost: cost.part,
     "least": lambda _, cost: cost.least,
@@ -224,7 +226,7 @@ _COSTS: Mapping[str, Callable[[TargetResult, Cost], object]] = {
     "most at step": lambda _, cost: cost.most_at,
     "unit": lambda result, _: result.unit,
 }
-_MEMORY: Mapping[str, Callable[[TargetResult, ProgramSizes], object]] = {
+_MEMORY_COLUMNS: Mapping[str, Callable[[TargetResult, ProgramSizes], object]] = {
     "target": lambda result, _: result.label,
     "code": lambda _, sizes: sizes.code,
     "constants": lambda _, sizes: sizes.tables,
@@ -236,27 +238,27 @@ _MEMORY: Mapping[str, Callable[[TargetResult, ProgramSizes], object]] = {
 }
 
 
-def _estimates(estimates: Sequence[Estimate]) -> Rows:
+def _estimate_table(estimates: Sequence[Estimate]) -> TextTable:
     parts = dict.fromkeys(estimate.part for estimate in estimates)
     texts = {
         (one.part, one.prices): f"{one.cycles} ({one.rate / 1e3:.1f} kHz)" for one in estimates
     }
     cells = tuple((part, *(texts[part, prices] for prices in PRICES)) for part in parts)
     title = f"a 16-bit DSC of {CLOCK_HZ / 1e6:.0f} MHz, worst case, estimated: cycles (rate)"
-    return Rows(title, ("part of a step", *PRICES), cells)
+    return TextTable(title, ("part of a step", *PRICES), cells)
 
 
-def _markdown(verification: Verification) -> str:
+def _markdown_report(verification: Verification) -> str:
     kind, io = verification.kind, verification.io
     verdict = "identical everywhere" if verification.passed else verification.first_failure()
     if verification.not_run:
         verdict += f"; not run for want of tools: {', '.join(verification.not_run)}"
     lines = ["# Verification", "", f"{kind}, {io}, seed {verification.seed}: {verdict}.", ""]
     for rows in verification.tables():
-        lines += [f"## {rows.title[:1].upper()}{rows.title[1:]}", "", _line(rows.headings)]
-        lines += [_line(["---"] * len(rows.headings)), *map(_line, rows.cells), ""]
+        lines += [f"## {rows.title[:1].upper()}{rows.title[1:]}", "", _table_row(rows.headings)]
+        lines += [_table_row(["---"] * len(rows.headings)), *map(_table_row, rows.cells), ""]
     return "\n".join(lines)
 
 
-def _line(cells: Sequence[str]) -> str:
+def _table_row(cells: Sequence[str]) -> str:
     return f"| {' | '.join(cells)} |"

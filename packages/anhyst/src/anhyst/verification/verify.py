@@ -11,35 +11,35 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 
-from anhyst.compilation.toolchain import Missing
+from anhyst.compilation.toolchain import MissingTool
 from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.errors import InputError, NegativeResult, wrong_key
-from anhyst.support.jobs import Progress, cores
+from anhyst.support.jobs import Progress, core_count
 from anhyst.verification import elf, targets
 from anhyst.verification.bundle import (
-    LEVITATION,
-    PLAY,
-    VECTORS,
+    LEVITATION_FILE,
+    PLAY_KIND,
+    VECTORS_FILE,
     GoldenVectors,
     read_bundle,
-    read_flight,
     read_levitation,
+    read_stage_vectors,
     read_vectors,
 )
 from anhyst.verification.compare import (
-    CONTROL_SOURCES,
+    PIDD2_PATHS,
     Answers,
+    BuildFolder,
     Subject,
     Variant,
-    Workshop,
-    compare,
-    run,
+    compare_answers,
+    run_program,
 )
 from anhyst.verification.emulators import CortexProgram
-from anhyst.verification.protocol import RecordForm, Reply
+from anhyst.verification.protocol import RecordLayout, Reply
 from anhyst.verification.result import Cost, TargetResult, Verification
 
-DEFAULT = "host,cortex-m4"
+DEFAULT_TARGETS = "host,cortex-m4"
 HOST_STEPS = 1_000_000
 TARGET_STEPS = 10_000
 ESTIMATE_STEPS = 2_000
@@ -64,99 +64,111 @@ def verify(
             raise wrong_key(name, f"{number} is not within 1 .. 2^32 - 1", code="out-of-range")
     folder = Path(folder)
     bundle = read_bundle(folder)
-    names = targets.parse_targets(DEFAULT if on is None else on, bundle)
+    names = targets.parse_targets(DEFAULT_TARGETS if on is None else on, bundle)
     with tempfile.TemporaryDirectory(prefix="anhyst-verify-") as scratch:
         numbers = (host_steps, target_steps, seed)
         subject: Subject = "stage" if bundle.stage else "compensator"
-        workshop = Workshop.set_up(bundle, Path(scratch), subject)
-        if workshop.form is None:
-            vectors = read_vectors(folder / VECTORS, bundle.io == "f32")
+        workshop = BuildFolder.create(bundle, Path(scratch), subject)
+        if workshop.stage_record is None:
+            vectors = read_vectors(folder / VECTORS_FILE, bundle.io == "f32")
         else:
-            vectors = read_flight(folder / VECTORS, workshop.form, bundle.io == "f32")
-        offers, missing = _offers(workshop, names)
-        works = {name for name, offer in offers.items() if offer.orders}
-        whole = [name for name in names if name in targets.WHOLE_TARGETS and not _lacks(name)]
-        works.update(whole)
-        if not works:
+            vectors = read_stage_vectors(
+                folder / VECTORS_FILE, workshop.stage_record, bundle.io == "f32"
+            )
+        offers, missing = _collect_offers(workshop, names)
+        runnable = {name for name, offer in offers.items() if offer.builds}
+        whole_targets = [
+            name
+            for name in names
+            if name in targets.WHOLE_TARGETS and not _missing_for_whole_target(name)
+        ]
+        runnable.update(whole_targets)
+        if not runnable:
             texts = "; ".join(lack.text() for lack in missing)
             raise InputError(f"no target can run; missing is {texts}", code="no-target")
-        jobs = [(_Job(workshop, vectors, *numbers), offers)]
+        jobs = [(_VerificationJob(workshop, vectors, *numbers), offers)]
         if bundle.manifest.get("controller") is not None:
-            around = Workshop.set_up(bundle, Path(scratch) / "controller", "controller")
-            levitation = _Job(around, read_levitation(folder / LEVITATION), *numbers)
-            jobs.append((levitation, _offers(around, names)[0]))
-        builds = sum(len(offer.orders) for _, some in jobs for offer in some.values())
-        done = count(1)
+            controller_folder = BuildFolder.create(
+                bundle, Path(scratch) / "controller", "controller"
+            )
+            levitation = _VerificationJob(
+                controller_folder, read_levitation(folder / LEVITATION_FILE), *numbers
+            )
+            jobs.append((levitation, _collect_offers(controller_folder, names)[0]))
+        builds = sum(len(offer.builds) for _, some in jobs for offer in some.values())
+        counter = count(1)
 
-        def one_more() -> None:
+        def report_build() -> None:
             if progress is not None:
-                progress(next(done), builds + len(whole))
+                progress(next(counter), builds + len(whole_targets))
 
         results: list[TargetResult] = []
         for job, some in jobs:
-            results += job.run_all(some, one_more)
-        for name in whole:
+            results += job.run_all(some, report_build)
+        for name in whole_targets:
             target = targets.WHOLE_TARGETS[name]
             results.append(target.verify(bundle, Path(scratch), target_steps, seed))
-            one_more()
-        priced = jobs if elf.SOURCE in works else []
-        estimates = tuple(estimate for job, _ in priced for estimate in _estimates(job))
-    what = (str(folder), bundle.kind, bundle.io, bundle.rate, seed)
-    not_run = tuple(name for name in names if name not in works)
-    return Verification(*what, tuple(results), estimates, not_run, missing)
+            report_build()
+        estimated_jobs = jobs if elf.ESTIMATE_TARGET in runnable else []
+        estimates = tuple(estimate for job, _ in estimated_jobs for estimate in _estimate_dsc(job))
+    header = (str(folder), bundle.kind, bundle.io, bundle.rate, seed)
+    not_run = tuple(name for name in names if name not in runnable)
+    return Verification(*header, tuple(results), estimates, not_run, missing)
 
 
-def _offers(
-    workshop: Workshop, names: Sequence[str]
-) -> tuple[dict[str, targets.Offer], tuple[Missing, ...]]:
+def _collect_offers(
+    workshop: BuildFolder, names: Sequence[str]
+) -> tuple[dict[str, targets.TargetOffer], tuple[MissingTool, ...]]:
     """Return what can be built for each target, and all tools that are missing."""
     offers = {name: targets.TARGETS[name](workshop) for name in names if name in targets.TARGETS}
     missing = [lack for offer in offers.values() for lack in offer.missing]
-    return offers, (*missing, *(lack for name in names for lack in _lacks(name)))
+    return offers, (*missing, *(lack for name in names for lack in _missing_for_whole_target(name)))
 
 
-def _lacks(name: str) -> tuple[Missing, ...]:
+def _missing_for_whole_target(name: str) -> tuple[MissingTool, ...]:
     """Return what a target of another package would need and is not there."""
     return targets.WHOLE_TARGETS[name].missing_tools() if name in targets.WHOLE_TARGETS else ()
 
 
 @dataclass
-class _Job:
+class _VerificationJob:
     """What all builds have in common: the inputs, and the host's answers to them."""
 
-    workshop: Workshop
+    workshop: BuildFolder
     vectors: GoldenVectors
     host_steps: int
     target_steps: int
     seed: int
 
     def __post_init__(self) -> None:
-        self._reference = targets.reference(self.workshop)
+        self._reference = targets.build_reference(self.workshop)
         self._answers: dict[int, Answers] = {}
 
-    def steps(self, target: str) -> int:
+    def step_count(self, target: str) -> int:
         """Return how many random steps there are; a tick of a stage is one of every magnet."""
         steps = self.host_steps if target == "host" else self.target_steps
         stage = self.workshop.bundle.stage
         return max(1, steps // stage["magnets"]) if stage else steps
 
     def run_all(
-        self, offers: Mapping[str, targets.Offer], one_more: Callable[[], None]
+        self, offers: Mapping[str, targets.TargetOffer], report_build: Callable[[], None]
     ) -> list[TargetResult]:
         """Build and run everything, as many at a time as there are processors."""
-        orders = [(name, order) for name, offer in offers.items() for order in offer.orders]
-        for steps in {self.steps(name) for name, _ in orders}:
-            self._answers[steps] = run(self._reference.program, self.vectors, steps, self.seed)
+        orders = [(name, order) for name, offer in offers.items() for order in offer.builds]
+        for steps in {self.step_count(name) for name, _ in orders}:
+            self._answers[steps] = run_program(
+                self._reference.program, self.vectors, steps, self.seed
+            )
         results: list[TargetResult] = []
-        with ThreadPoolExecutor(cores()) as pool:
-            for future in [pool.submit(partial(self._one, *order)) for order in orders]:
+        with ThreadPoolExecutor(core_count()) as pool:
+            for future in [pool.submit(partial(self._run_build, *order)) for order in orders]:
                 results.append(future.result())
-                one_more()
+                report_build()
         return results
 
-    def _one(self, target: str, order: targets.Order) -> TargetResult:
+    def _run_build(self, target: str, order: targets.PendingBuild) -> TargetResult:
         began = time.monotonic()
-        steps = self.steps(target)
+        steps = self.step_count(target)
         try:
             variant = order()
         except NegativeResult as error:
@@ -166,15 +178,15 @@ class _Job:
             name = f"{name}, controller"
         head = (target, name, variant.processor, variant.compiler)
         try:
-            outcome = run(variant.program, self.vectors, steps, self.seed)
+            outcome = run_program(variant.program, self.vectors, steps, self.seed)
             programs = (self._reference.program, variant.program)
             answers = (self._answers[steps], outcome)
-            difference = compare(programs, answers, self.vectors, steps, self.seed)
+            difference = compare_answers(programs, answers, self.vectors, steps, self.seed)
         except NegativeResult as error:
             return TargetResult(*head, 0, 0, failure=str(error))
-        counted, sizes, bundle = bool(variant.unit), None, self.workshop.bundle
+        is_counted, sizes, bundle = bool(variant.unit), None, self.workshop.bundle
         if variant.image is not None:
-            sources = {Path(path).name for path in (*bundle.c_files, *CONTROL_SOURCES)}
+            sources = {Path(path).name for path in (*bundle.c_files, *PIDD2_PATHS)}
             sizes = elf.measure_sizes(variant.image, bundle.name, sources, target == "avr")
         return TargetResult(
             *head,
@@ -182,64 +194,73 @@ class _Job:
             len(self.vectors.inputs),
             warnings=variant.warnings,
             unit=variant.unit,
-            costs=self._costs(outcome) if counted else (),
+            costs=self._list_costs(outcome) if is_counted else (),
             sizes=sizes,
             state_bytes=outcome.random.state_bytes,
             control_bytes=outcome.random.control_bytes,
-            stack_measured=outcome.stack if counted else None,
+            stack_measured=outcome.stack if is_counted else None,
             stack_static=_static_stack(variant, self.workshop),
             difference=difference,
             seconds=time.monotonic() - began,
         )
 
-    def _costs(self, outcome: Answers) -> tuple[Cost, ...]:
+    def _list_costs(self, outcome: Answers) -> tuple[Cost, ...]:
         """Return what the random steps took; of a stage also what its flight did."""
-        counted = costs(outcome.random, self.vectors.form)
-        if self.workshop.form is not None:
-            flown = costs(outcome.played, self.vectors.form)[-1]
+        counted = net_costs(outcome.random, self.vectors.layout)
+        if self.workshop.stage_record is not None:
+            flown = net_costs(outcome.golden, self.vectors.layout)[-1]
             counted = (*counted, replace(flown, part="tick, in flight"))
         return counted
 
 
-def _static_stack(variant: Variant, workshop: Workshop) -> int | None:
-    if variant.image is None or variant.target not in targets.CORTEX:
+def _static_stack(variant: Variant, workshop: BuildFolder) -> int | None:
+    if variant.image is None or variant.target not in targets.CORTEX_PROCESSORS:
         return None
     if workshop.subject != "compensator":
-        return elf.stack_below(variant.image, [f"{workshop.bundle.name}_controller_tick"])
+        return elf.worst_case_stack(variant.image, [f"{workshop.bundle.name}_controller_tick"])
     io = workshop.bundle.io
-    object_of = "play_map" if workshop.bundle.kind == PLAY else "compensator"
+    object_of = "play_map" if workshop.bundle.kind == PLAY_KIND else "compensator"
     roots = [f"anhyst_{object_of}_{part}_{io}" for part in ("solve", "commit")]
-    return elf.stack_below(variant.image, roots)
+    return elf.worst_case_stack(variant.image, roots)
 
 
-def costs(reply: Reply, form: RecordForm) -> tuple[Cost, ...]:
+def net_costs(reply: Reply, layout: RecordLayout) -> tuple[Cost, ...]:
     """Take the clock's own share off what was counted."""
     found = []
-    for name, section in zip(form.sections[1:], reply.sections[1:], strict=True):
+    for name, section in zip(layout.sections[1:], reply.sections[1:], strict=True):
         if section.count:
-            own = form.calls.get(name, 1) * reply.sections[0].least
-            mean = section.total / section.count - own
-            found.append(Cost(name, section.least - own, mean, section.most - own, section.most_at))
+            clock_cost = layout.clock_calls.get(name, 1) * reply.sections[0].minimum
+            mean = section.total / section.count - clock_cost
+            found.append(
+                Cost(
+                    name,
+                    section.minimum - clock_cost,
+                    mean,
+                    section.maximum - clock_cost,
+                    section.maximum_step,
+                )
+            )
     return tuple(found)
 
 
-def _estimates(job: _Job) -> tuple[elf.Estimate, ...]:
+def _estimate_dsc(job: _VerificationJob) -> tuple[elf.Estimate, ...]:
     """Run the Cortex-M0+ once more for each list of prices."""
     try:
-        program = targets.cortex_m(elf.SOURCE, job.workshop).orders[0]().program
+        program = targets.offer_cortex_m(elf.ESTIMATE_TARGET, job.workshop).builds[0]().program
         assert isinstance(program, CortexProgram)
         priced = [
-            (name, replace(program, costs=partial(elf.costs_of, elf.PRICES[name])))
+            (name, replace(program, costs=partial(elf.instruction_prices, elf.PRICES[name])))
             for name in elf.PRICES
         ]
         replies = [
-            (name, run(each, job.vectors, ESTIMATE_STEPS, job.seed).random) for name, each in priced
+            (name, run_program(each, job.vectors, ESTIMATE_STEPS, job.seed).random)
+            for name, each in priced
         ]
     except NegativeResult:
         return ()  # reported as a failure of the target where it was asked for
-    whose = "controller: " if job.workshop.subject == "controller" else ""
+    prefix = "controller: " if job.workshop.subject == "controller" else ""
     return tuple(
-        elf.Estimate(f"{whose}{cost.part}", name, cost.most, elf.CLOCK_HZ / cost.most)
+        elf.Estimate(f"{prefix}{cost.part}", name, cost.most, elf.CLOCK_HZ / cost.most)
         for name, reply in replies
-        for cost in costs(reply, job.vectors.form)
+        for cost in net_costs(reply, job.vectors.layout)
     )

@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from anhyst.control.controller_file import ControllerTable
-from anhyst.support.figures import FALLING, RISING, styled
-from anhyst.support.kinds import METHOD_TITLES, PROBED
-from anhyst.support.page import number
+from anhyst.support.figures import FALLING_COLOUR, RISING_COLOUR, use_report_style
+from anhyst.support.kinds import FLUX_PROBE_METHODS, METHOD_TITLES
+from anhyst.support.page import format_number
 from anhyst_rigs.reports.study.page import (
-    HIGH,
-    PLANT,
-    SOFTWARE,
-    WIDE,
+    BOX_HEIGHT_IN,
+    BOX_WIDTH_IN,
+    PLANT_FILL,
+    SOFTWARE_FILL,
     DiagramBlock,
     draw_arrow,
     draw_box,
@@ -30,7 +30,7 @@ from anhyst_rigs.rig.file import RigFile
 FORMATS = {"f64": "64-bit floating point", "f32": "32-bit floating point", "fixed": "fixed point"}
 
 
-def blocks_of(rig: BodyRig, controller: ControllerTable) -> Mapping[str, DiagramBlock]:
+def diagram_blocks(rig: BodyRig, controller: ControllerTable) -> Mapping[str, DiagramBlock]:
     """Say what every block of the loop is."""
     plant = rig.settings
     return {
@@ -46,12 +46,12 @@ def blocks_of(rig: BodyRig, controller: ControllerTable) -> Mapping[str, Diagram
     }
 
 
-def feedback(controller: ControllerTable) -> str:
+def compensator_inputs(controller: ControllerTable) -> str:
     """Name the inputs of the compensator beside the wanted force."""
     inputs = ["gap"]
     if controller.compensation.applied == "measured":
         inputs.append("current")
-    if controller.compensation.variant in PROBED:
+    if controller.compensation.variant in FLUX_PROBE_METHODS:
         inputs.append("flux density")
     return ", ".join(inputs)
 
@@ -59,14 +59,14 @@ def feedback(controller: ControllerTable) -> str:
 def _controller(settings: ControllerTable) -> DiagramBlock:
     gains = settings.pidd2_gains()
     lines = [
-        f"K_p {_short(gains.K_p)} N/m",
-        f"K_i {_short(gains.K_i)} N/(m s)",
-        f"K_d {_short(gains.K_d)} N s/m",
-        f"K_dd {_short(gains.K_dd)} N s²/m, weight {settings.set_point_weight:.3g}",
-        f"derivatives below {_hertz(settings.filter.cutoff_Hz)}",
+        f"K_p {_format_gain(gains.K_p)} N/m",
+        f"K_i {_format_gain(gains.K_i)} N/(m s)",
+        f"K_d {_format_gain(gains.K_d)} N s/m",
+        f"K_dd {_format_gain(gains.K_dd)} N s²/m, weight {settings.set_point_weight:.3g}",
+        f"derivatives below {_format_frequency(settings.filter.cutoff_Hz)}",
     ]
     if settings.filter.cutoff_2_Hz != settings.filter.cutoff_Hz and gains.K_dd:
-        lines[-1] += f", {_hertz(settings.filter.cutoff_2_Hz)}"
+        lines[-1] += f", {_format_frequency(settings.filter.cutoff_2_Hz)}"
     return DiagramBlock("controller PIDD²", tuple(lines))
 
 
@@ -86,14 +86,14 @@ def _compensator(settings: ControllerTable) -> DiagramBlock:
 
 def _output(rig: BodyRig) -> DiagramBlock:
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
-    across = amplifier.current_high_A - amplifier.current_low_A
-    bit = across / ((1 << amplifier.dac_bits) - 1)
+    current_range = amplifier.current_high_A - amplifier.current_low_A
+    step = current_range / ((1 << amplifier.dac_bits) - 1)
     return DiagramBlock(
         "DAC and delay",
         (
-            f"{_hertz(timing.rate_Hz)}, tick {1e6 * rig.dt:g} µs",
+            f"{_format_frequency(timing.rate_Hz)}, tick {1e6 * rig.dt:g} µs",
             f"sample to output: {timing.delay_ticks:g} tick{'s' * (timing.delay_ticks != 1.0)}",
-            f"{amplifier.dac_bits} bits, {1e6 * bit:.0f} µA a step",
+            f"{amplifier.dac_bits} bits, {1e6 * step:.0f} µA a step",
         ),
     )
 
@@ -102,13 +102,13 @@ def _amplifier(plant: RigFile) -> DiagramBlock:
     amplifier = plant.amplifier
     loop = "own current loop" if amplifier.mode == "current" else "voltage mode"
     lines = [
-        f"{loop}, {_hertz(amplifier.bandwidth_Hz)}",
+        f"{loop}, {_format_frequency(amplifier.bandwidth_Hz)}",
         f"supply ±{amplifier.supply:g} V",
         f"{amplifier.current_low_A:g} to {amplifier.current_high_A:g} A",
     ]
     if amplifier.delay_s:
         lines.append(f"delay {1e6 * amplifier.delay_s:g} µs")
-    return DiagramBlock(f"amplifier{_times(plant)}", tuple(lines))
+    return DiagramBlock(f"amplifier{_count_text(plant)}", tuple(lines))
 
 
 def _electrical(plant: RigFile) -> DiagramBlock:
@@ -122,7 +122,7 @@ def _electrical(plant: RigFile) -> DiagramBlock:
     ]
     if magnet.eddy_time_s:
         lines.append(f"eddy currents {1e6 * magnet.eddy_time_s:g} µs")
-    return DiagramBlock(f"electrical subsystem{_times(plant)}", tuple(lines))
+    return DiagramBlock(f"electrical subsystem{_count_text(plant)}", tuple(lines))
 
 
 def _hysteresis(plant: RigFile) -> DiagramBlock:
@@ -131,10 +131,10 @@ def _hysteresis(plant: RigFile) -> DiagramBlock:
     if magnet.model is not None:
         lines = ["identified Jiles-Atherton law", magnet.model, pole]
     else:
-        lines = [*plant.steel.lines(), pole]
+        lines = [*plant.steel.diagram_texts(), pole]
     if plant.gap_total_m is not None:
         lines.append(f"bias {plant.bias_N:g} N, gaps {1e3 * plant.gap_total_m:g} mm")
-    return DiagramBlock(f"force-current hysteresis{_times(plant)}", tuple(lines))
+    return DiagramBlock(f"force-current hysteresis{_count_text(plant)}", tuple(lines))
 
 
 def _mechanics(plant: RigFile) -> DiagramBlock:
@@ -152,13 +152,13 @@ def _mechanics(plant: RigFile) -> DiagramBlock:
 def _sensors(plant: RigFile, controller: ControllerTable) -> DiagramBlock:
     position, shunt = plant.gap_sensor, plant.current_sensor
     lines = [
-        f"{position.kind}: step {_metres(position.step)}",
-        f"noise {_metres(position.noise_m)} rms, {_hertz(position.bandwidth_Hz)}",
+        f"{position.kind}: step {_format_length(position.resolution)}",
+        f"noise {_format_length(position.noise_m)} rms, {_format_frequency(position.bandwidth_Hz)}",
     ]
     if position.delay_s:
         lines.append(f"delay {1e6 * position.delay_s:g} µs")
     lines.append(f"current: {shunt.adc_bits} bits, {1e3 * shunt.noise_A:g} mA rms")
-    if controller.compensation.variant in PROBED and plant.hall_probe is not None:
+    if controller.compensation.variant in FLUX_PROBE_METHODS and plant.hall_probe is not None:
         probe = plant.hall_probe
         lines.append(f"Hall: {probe.adc_bits} bits, {1e3 * probe.noise_T:g} mT rms")
     return DiagramBlock("sensors", tuple(lines))
@@ -166,96 +166,127 @@ def _sensors(plant: RigFile, controller: ControllerTable) -> DiagramBlock:
 
 def _load(plant: RigFile) -> DiagramBlock:
     load = plant.load
-    lines = [f"{load.force_N:g} N, {_hertz(load.bandwidth_Hz)}"]
+    lines = [f"{load.force_N:g} N, {_format_frequency(load.bandwidth_Hz)}"]
     if load.stiffness_N_per_m or load.damping_N_s_per_m:
-        lines.append(f"{_short(load.stiffness_N_per_m)} N/m, {load.damping_N_s_per_m:g} N s/m")
-    lines.append(f"encoder {_metres(load.encoder_step_m)}")
+        lines.append(
+            f"{_format_gain(load.stiffness_N_per_m)} N/m, {load.damping_N_s_per_m:g} N s/m"
+        )
+    lines.append(f"encoder {_format_length(load.encoder_step_m)}")
     for disturbance in plant.load.disturbance[:1]:
         more = f" and {len(load.disturbance) - 1} more" if len(load.disturbance) > 1 else ""
         lines.append(f"{disturbance.kind} of {disturbance.force_N:g} N{more}")
     return DiagramBlock("load drive", tuple(lines))
 
 
-def _times(plant: RigFile) -> str:
+def _count_text(plant: RigFile) -> str:
     return " × 2" if plant.opposite is not None else ""
 
 
-def _short(value: float) -> str:
+def _format_gain(value: float) -> str:
     """Write a gain: thousands and millions with their power of ten."""
     if value == 0.0:
         return "0"
     power = 3 * math.floor(math.log10(abs(value)) / 3.0)
     if 1e-2 <= abs(value) < 1e5:
-        return number(value, 4, short=True)
+        return format_number(value, 4, short=True)
     digits = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-    return f"{number(value / 10.0**power, 3, short=True)}·10{str(power).translate(digits)}"
+    return f"{format_number(value / 10.0**power, 3, short=True)}·10{str(power).translate(digits)}"
 
 
-def _hertz(value: float) -> str:
+def _format_frequency(value: float) -> str:
     return f"{value / 1e3:.4g} kHz" if value >= 1e3 else f"{value:.4g} Hz"
 
 
-def _metres(value: float) -> str:
+def _format_length(value: float) -> str:
     return f"{1e9 * value:.3g} nm" if value < 1e-6 else f"{1e6 * value:.3g} µm"
 
 
-_APART = 0.46  # inches
-_LEFT, _TOP, _MIDDLE, _LOW = 0.62, 3.95, 1.95, 0.56
-_LOAD_HIGH = 0.96
-_FIGURE = (_LEFT + 4 * WIDE + 3 * _APART + 0.5, 4.8)
+_BOX_GAP_IN = 0.46  # inches
+_LEFT_EDGE_IN, _TOP_ROW_IN, _MIDDLE_ROW_IN, _LOW_ROW_IN = 0.62, 3.95, 1.95, 0.56
+_LOAD_HEIGHT_IN = 0.96
+_FIGURE_SIZE_IN = (_LEFT_EDGE_IN + 4 * BOX_WIDTH_IN + 3 * _BOX_GAP_IN + 0.5, 4.8)
 
 
-@styled
+@use_report_style
 def figure_structure(rig: BodyRig, controller: ControllerTable) -> Figure:
     """Draw the loop: controller above, magnet and armature below."""
-    figure, ax = new_diagram(*_FIGURE)
-    blocks = blocks_of(rig, controller)
-    columns = [_LEFT + 0.5 * WIDE + index * (WIDE + _APART) for index in range(4)]
+    figure, ax = new_diagram(*_FIGURE_SIZE_IN)
+    blocks = diagram_blocks(rig, controller)
+    columns = [
+        _LEFT_EDGE_IN + 0.5 * BOX_WIDTH_IN + index * (BOX_WIDTH_IN + _BOX_GAP_IN)
+        for index in range(4)
+    ]
     above = ("controller", "compensator", "output", "amplifier")
     below = ("sensors", "mechanics", "hysteresis", "electrical")
     for x, name in zip(columns, above, strict=True):
-        draw_box(ax, (x, _TOP), name, blocks[name], SOFTWARE if name in above[:2] else PLANT)
+        draw_box(
+            ax,
+            (x, _TOP_ROW_IN),
+            name,
+            blocks[name],
+            SOFTWARE_FILL if name in above[:2] else PLANT_FILL,
+        )
     for x, name in zip(columns, below, strict=True):
-        draw_box(ax, (x, _MIDDLE), name, blocks[name], PLANT)
-    draw_box(ax, (columns[0], _LOW), "load", blocks["load"], PLANT, _LOAD_HIGH)
-    _signals(ax, columns, feedback(controller))
+        draw_box(ax, (x, _MIDDLE_ROW_IN), name, blocks[name], PLANT_FILL)
+    draw_box(ax, (columns[0], _LOW_ROW_IN), "load", blocks["load"], PLANT_FILL, _LOAD_HEIGHT_IN)
+    _draw_signals(ax, columns, compensator_inputs(controller))
     return figure
 
 
-def _signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
+def _draw_signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
     """Draw what goes from block to block."""
-    half, lid = 0.5 * WIDE, 0.5 * HIGH
+    half_width, half_height = 0.5 * BOX_WIDTH_IN, 0.5 * BOX_HEIGHT_IN
     for index, name in enumerate(("F wanted", "i wanted", "i ref")):
-        x = columns[index] + half
-        draw_arrow(ax, [(x, _TOP), (x + _APART, _TOP)])
-        draw_label(ax, (x + 0.5 * _APART, _TOP + 0.08), name.replace(" ", "\n"))
-    draw_arrow(ax, [(columns[3], _TOP - lid), (columns[3], _MIDDLE + lid)])
-    draw_label(ax, (columns[3] + 0.08, 0.5 * (_TOP + _MIDDLE)), "voltage u", "left", "center")
+        x = columns[index] + half_width
+        draw_arrow(ax, [(x, _TOP_ROW_IN), (x + _BOX_GAP_IN, _TOP_ROW_IN)])
+        draw_label(ax, (x + 0.5 * _BOX_GAP_IN, _TOP_ROW_IN + 0.08), name.replace(" ", "\n"))
+    draw_arrow(
+        ax, [(columns[3], _TOP_ROW_IN - half_height), (columns[3], _MIDDLE_ROW_IN + half_height)]
+    )
+    draw_label(
+        ax, (columns[3] + 0.08, 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)), "voltage u", "left", "center"
+    )
     for index, name in ((3, "i, ψ"), (2, "force"), (1, "gap")):
-        x = columns[index] - half
-        draw_arrow(ax, [(x, _MIDDLE), (x - _APART, _MIDDLE)], FALLING if index == 2 else RISING)
-        draw_label(ax, (x - 0.5 * _APART, _MIDDLE + 0.08), name)
+        x = columns[index] - half_width
+        draw_arrow(
+            ax,
+            [(x, _MIDDLE_ROW_IN), (x - _BOX_GAP_IN, _MIDDLE_ROW_IN)],
+            FALLING_COLOUR if index == 2 else RISING_COLOUR,
+        )
+        draw_label(ax, (x - 0.5 * _BOX_GAP_IN, _MIDDLE_ROW_IN + 0.08), name)
     # Reference from the left; the measured gap from below.
-    draw_arrow(ax, [(0.06, _TOP), (_LEFT, _TOP)])
-    draw_label(ax, (0.5 * _LEFT, _TOP + 0.08), "gap\nwanted")
-    draw_arrow(ax, [(columns[0], _MIDDLE + lid), (columns[0], _TOP - lid)])
-    draw_label(ax, (columns[0] - 0.08, 0.5 * (_TOP + _MIDDLE)), "measured gap", "right", "center")
-    lane = 0.5 * (_TOP + _MIDDLE)
-    draw_arrow(ax, [(columns[0], lane), (columns[1], lane), (columns[1], _TOP - lid)])
-    ax.add_patch(Circle((columns[0], lane), 0.035, fc=RISING, ec=RISING))
+    draw_arrow(ax, [(0.06, _TOP_ROW_IN), (_LEFT_EDGE_IN, _TOP_ROW_IN)])
+    draw_label(ax, (0.5 * _LEFT_EDGE_IN, _TOP_ROW_IN + 0.08), "gap\nwanted")
+    draw_arrow(
+        ax, [(columns[0], _MIDDLE_ROW_IN + half_height), (columns[0], _TOP_ROW_IN - half_height)]
+    )
+    draw_label(
+        ax,
+        (columns[0] - 0.08, 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)),
+        "measured gap",
+        "right",
+        "center",
+    )
+    lane = 0.5 * (_TOP_ROW_IN + _MIDDLE_ROW_IN)
+    draw_arrow(
+        ax, [(columns[0], lane), (columns[1], lane), (columns[1], _TOP_ROW_IN - half_height)]
+    )
+    ax.add_patch(Circle((columns[0], lane), 0.035, fc=RISING_COLOUR, ec=RISING_COLOUR))
     draw_label(ax, (0.5 * (columns[0] + columns[1]), lane + 0.05), inputs)
-    _from_below(ax, columns)
+    _draw_load_and_gap(ax, columns)
 
 
-def _from_below(ax: Axes, columns: Sequence[float]) -> None:
+def _draw_load_and_gap(ax: Axes, columns: Sequence[float]) -> None:
     """Draw load and moving gap, on lanes below the plant."""
-    half, floor = 0.5 * WIDE, _MIDDLE - 0.5 * HIGH
+    half, floor = 0.5 * BOX_WIDTH_IN, _MIDDLE_ROW_IN - 0.5 * BOX_HEIGHT_IN
     left = columns[1] - 0.5 * half
-    draw_arrow(ax, [(columns[0] + half, _LOW), (left, _LOW), (left, floor)], FALLING)
-    draw_label(ax, (0.5 * (columns[0] + half + left), _LOW + 0.05), "load")
-    start, lane = columns[1] + 0.5 * half, 0.5 * (_LOW + floor)
-    ax.plot([start, start], [floor, lane], color=RISING, lw=1.3)
+    draw_arrow(
+        ax, [(columns[0] + half, _LOW_ROW_IN), (left, _LOW_ROW_IN), (left, floor)], FALLING_COLOUR
+    )
+    draw_label(ax, (0.5 * (columns[0] + half + left), _LOW_ROW_IN + 0.05), "load")
+    start, lane = columns[1] + 0.5 * half, 0.5 * (_LOW_ROW_IN + floor)
+    ax.plot([start, start], [floor, lane], color=RISING_COLOUR, lw=1.3)
     draw_arrow(ax, [(start, lane), (columns[3], lane), (columns[3], floor)])
     draw_arrow(ax, [(columns[2], lane), (columns[2], floor)])
-    ax.add_patch(Circle((columns[2], lane), 0.035, fc=RISING, ec=RISING))
+    ax.add_patch(Circle((columns[2], lane), 0.035, fc=RISING_COLOUR, ec=RISING_COLOUR))
     draw_label(ax, (0.5 * (columns[2] + columns[3]), lane + 0.05), "gap and its velocity")

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from anhyst.control.controller_file import ControllerTable
 from anhyst.support.kinds import MethodName
-from anhyst.support.page import NBSP, Block, Headline, Note, Section, Text, Tile, number
+from anhyst.support.page import NBSP, Block, Headline, Note, Section, Text, Tile, format_number
 from anhyst_rigs.reports.bearing.block_diagram import figure_structure
 from anhyst_rigs.reports.bearing.figures import (
     figure_bode,
@@ -30,32 +30,32 @@ from anhyst_rigs.reports.bearing.subject import (
     step_tables,
 )
 from anhyst_rigs.reports.study.page import (
+    in_report_order,
     legend_table,
-    ordered,
-    origin,
+    origin_section,
     page_text,
     picture,
     verdict_note,
 )
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.study.bearing.linear import zone
-from anhyst_rigs.study.bearing.responses import OVERSHOOT, Steps, judge_steps
-from anhyst_rigs.study.engine.table import strongest
+from anhyst_rigs.study.bearing.linear import find_zone
+from anhyst_rigs.study.bearing.responses import OVERSHOOT, StepComparison, judge_steps
+from anhyst_rigs.study.engine.table import strongest_baseline
 
-_TILES = 4
+_MAX_TILES = 4
 
 
 def render(subject: SimulationSubject) -> str:
     """Return the text of the report; the same for the same subject."""
     sections = (
-        structure(subject.rig, subject.controller, subject.variants),
-        _steps(subject),
-        _forces(subject),
-        _loops(subject),
-        _tracking(subject),
-        _standstill(subject),
-        _frequency(subject),
-        origin(subject.files, subject.command, subject.rig.settings.seed),
+        structure_section(subject.rig, subject.controller, subject.all_variants),
+        _step_section(subject),
+        _force_section(subject),
+        _loop_section(subject),
+        _tracking_section(subject),
+        _standstill_section(subject),
+        _frequency_section(subject),
+        origin_section(subject.files, subject.command, subject.rig.settings.seed),
     )
     return page_text("Magnetic bearing", _headline(subject), sections)
 
@@ -69,16 +69,16 @@ def _headline(subject: SimulationSubject) -> Headline:
     )
     if subject.steps:
         basis += f"; intervals are those of 95 % confidence over {subject.seeds} noise seeds"
-    judged = [verdict_note(judge_steps(subject.steps, subject.variant))] if subject.steps else []
-    notes = (*judged, *subject.notes, *_lost(subject))
+    verdicts = [verdict_note(judge_steps(subject.steps, subject.variant))] if subject.steps else []
+    notes = (*verdicts, *subject.notes, *_loss_notes(subject))
     return Headline(
         title=plant.name,
-        what=f"{plant_text(subject.rig)}; {control}.",
+        description=f"{plant_text(subject.rig)}; {control}.",
         basis=f"{basis}.",
         notes=tuple(sorted(notes, key=lambda note: note.tone != "bad")),
         tiles=_tiles(subject),
         comparison=benefit_table(subject),
-        holds="These figures hold for this plant and these settings, and for no other iron: what "
+        validity="These figures hold for this plant and these settings, and for no other iron: what "
         "compensation gains depends on loop width, reversible fraction and step height.",
     )
 
@@ -88,7 +88,7 @@ def plant_text(rig: BodyRig) -> str:
     plant = rig.settings
     arrangement = "A pair of magnets" if plant.opposite is not None else "One magnet"
     return (
-        f"{arrangement}, {plant.body.mass_kg:g}{NBSP}kg, {rig.load:g}{NBSP}N load, "
+        f"{arrangement}, {plant.body.mass_kg:g}{NBSP}kg, {rig.static_load:g}{NBSP}N load, "
         f"{1e3 * plant.gap_m:g}{NBSP}mm gap, {plant.timing.rate_Hz:g} ticks a second"
     )
 
@@ -98,34 +98,34 @@ def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
     tiles = []
     gap = subject.rig.settings.gap_m
     for step in subject.steps:
-        mine = step.of(OVERSHOOT).get(subject.variant)
-        if mine is None or math.isnan(mine.mean):
+        overshoot = step.figure(OVERSHOOT).get(subject.variant)
+        if overshoot is None or math.isnan(overshoot.mean):
             continue
         if step.gap == gap and step.load == subject.steps[0].load:
             tiles.append(
                 Tile(
-                    f"{number(mine.mean, 2)}{NBSP}%",
+                    f"{format_number(overshoot.mean, 2)}{NBSP}%",
                     f"overshoot, {1e6 * step.height:g}{NBSP}µm",
-                    "; ".join(_beside(step, subject.variant)),
+                    "; ".join(_overshoot_comparison(step, subject.variant)),
                 )
             )
-    return tuple(tiles[:_TILES])
+    return tuple(tiles[:_MAX_TILES])
 
 
-def _beside(step: Steps, variant: MethodName) -> Iterable[str]:
+def _overshoot_comparison(step: StepComparison, variant: MethodName) -> Iterable[str]:
     """Write the overshoot of a variant, of the strongest baseline and of measured flux."""
     yield f"{variant}: {overshoot_text(step, variant)}"
-    other = strongest(step.of(OVERSHOOT))
+    other = strongest_baseline(step.figure(OVERSHOOT))
     if other not in (None, variant):
         yield f"strongest without hysteresis model ({other}): {overshoot_text(step, other)}"
     if "flux" in step.cells and variant != "flux":
         yield f"measured flux: {overshoot_text(step, 'flux')}"
 
 
-def _lost(subject: SimulationSubject) -> Iterable[Note]:
+def _loss_notes(subject: SimulationSubject) -> Iterable[Note]:
     """Say where levitation was lost."""
     runs = [
-        f"{name} at {subject.situation(step)}: {cell.lost} of {subject.seeds} runs"
+        f"{name} at {subject.step_text(step)}: {cell.lost} of {subject.seeds} runs"
         for step in subject.steps
         for name, cell in step.cells.items()
         if cell.lost
@@ -135,11 +135,11 @@ def _lost(subject: SimulationSubject) -> Iterable[Note]:
         yield Note("bad", "Levitation lost", text)
 
 
-def _sentence(text: str) -> str:
+def _capitalise(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def structure(
+def structure_section(
     rig: BodyRig, controller: ControllerTable, variants: Iterable[MethodName | None]
 ) -> Section:
     """Draw the loop with its numbers, and say what the variants are."""
@@ -158,15 +158,15 @@ def structure(
         "Structure and numbers",
         (
             picture(figure, "structure", alt, caption),
-            legend_table(ordered(one for one in variants if one)),
+            legend_table(in_report_order(one for one in variants if one)),
         ),
     )
 
 
-def _steps(subject: SimulationSubject) -> Section:
+def _step_section(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.panels:
-        names = ordered({name for panel in subject.panels for name in panel.recordings})
+        names = in_report_order({name for panel in subject.panels for name in panel.recordings})
         blocks.append(
             picture(
                 figure_steps(subject.panels),
@@ -185,7 +185,7 @@ def _steps(subject: SimulationSubject) -> Section:
     return Section("steps", "Step responses", tuple(blocks))
 
 
-def _forces(subject: SimulationSubject) -> Section:
+def _force_section(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.forces:
         blocks.append(
@@ -193,7 +193,7 @@ def _forces(subject: SimulationSubject) -> Section:
                 figure_forces(subject.forces),
                 "forces",
                 "Wanted and true force over time and their difference, one column a variant: "
-                f"{', '.join(ordered(subject.forces))}.",
+                f"{', '.join(in_report_order(subject.forces))}.",
                 "What the position controller wants and what the magnet gives. The difference "
                 "holds hysteresis, but the lag of amplifier and delay as well, and for a constant "
                 "ratio the force that the motion of the armature adds.",
@@ -202,11 +202,11 @@ def _forces(subject: SimulationSubject) -> Section:
     return Section("forces", "Wanted and true force", tuple(blocks))
 
 
-def _loops(subject: SimulationSubject) -> Section | None:
+def _loop_section(subject: SimulationSubject) -> Section | None:
     if not subject.run or not subject.measured:
         return None
-    at = sorted({loop.gap for loop in subject.measured})
-    gaps = " and ".join(f"{1e3 * gap:g}{NBSP}mm" for gap in at)
+    gaps_m = sorted({loop.gap for loop in subject.measured})
+    gaps = " and ".join(f"{1e3 * gap:g}{NBSP}mm" for gap in gaps_m)
     figure = figure_force_current(subject.run, subject.measured, subject.identified)
     return Section(
         "loops",
@@ -216,7 +216,7 @@ def _loops(subject: SimulationSubject) -> Section | None:
                 figure,
                 "loops",
                 f"Force over current: measured loops at {gaps}, and where the run goes: "
-                f"{', '.join(ordered(subject.run))}.",
+                f"{', '.join(in_report_order(subject.run))}.",
                 f"True force over true current of the run, over the loops measured at {gaps}, the "
                 "nearest gaps, and the identified loop at the gap of the run. Below, the loops "
                 "less the single-valued curve of their gap: hysteresis by itself.",
@@ -225,16 +225,16 @@ def _loops(subject: SimulationSubject) -> Section | None:
     )
 
 
-def _tracking(subject: SimulationSubject) -> Section:
+def _tracking_section(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
-    for index, tried in enumerate(subject.tracked):
+    for index, tracking in enumerate(subject.tracked):
         blocks.append(
             picture(
-                figure_tracking(tried.recordings, tried.title),
+                figure_tracking(tracking.recordings, tracking.title),
                 f"tracking{index}",
-                f"{_sentence(tried.title)}: position over time and its error, "
-                f"{', '.join(ordered(tried.recordings))}.",
-                f"{_sentence(tried.title)}. True position; one run of {subject.seeds}.",
+                f"{_capitalise(tracking.title)}: position over time and its error, "
+                f"{', '.join(in_report_order(tracking.recordings))}.",
+                f"{_capitalise(tracking.title)}. True position; one run of {subject.seeds}.",
             )
         )
     if subject.experiments is not None:
@@ -242,17 +242,17 @@ def _tracking(subject: SimulationSubject) -> Section:
     return Section("tracking", "Trajectories, load steps, recovery", tuple(blocks))
 
 
-def _standstill(subject: SimulationSubject) -> Section:
+def _standstill_section(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.standstill:
         sensor = subject.rig.settings.gap_sensor
-        noise, step = sensor.noise_m, sensor.step
+        noise, step = sensor.noise_m, sensor.resolution
         blocks.append(
             picture(
                 figure_standstill(subject.standstill),
                 "standstill",
                 "Position at a standstill over time, and its spectrum: "
-                f"{', '.join(ordered(subject.standstill))}.",
+                f"{', '.join(in_report_order(subject.standstill))}.",
                 f"True position at rest in the air, with a sensor of {1e9 * noise:g}{NBSP}nm rms "
                 f"and steps of {1e9 * step:g}{NBSP}nm ({sensor.kind}).",
             )
@@ -262,13 +262,13 @@ def _standstill(subject: SimulationSubject) -> Section:
     return Section("standstill", "Standstill", tuple(blocks))
 
 
-def _frequency(subject: SimulationSubject) -> Section:
+def _frequency_section(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.sensitivity:
         peaks = [
-            f"{name}: peak {curve.peak:.2f}, zone {zone(curve.peak)}"
+            f"{name}: peak {curve.peak:.2f}, zone {find_zone(curve.peak)}"
             for name, curve in (
-                (one, subject.sensitivity[one]) for one in ordered(subject.sensitivity)
+                (one, subject.sensitivity[one]) for one in in_report_order(subject.sensitivity)
             )
         ]
         blocks.append(Text(f"Measured sensitivity, ISO 14839-3. {'; '.join(peaks)}."))
@@ -277,14 +277,14 @@ def _frequency(subject: SimulationSubject) -> Section:
                 figure_sensitivity(subject.sensitivity, subject.linear_sensitivity),
                 "sensitivity",
                 "Sensitivity over frequency, measured by injection of a sine into the running "
-                f"nonlinear loop, with the zones A to D: {', '.join(ordered(subject.sensitivity))}",
+                f"nonlinear loop, with the zones A to D: {', '.join(in_report_order(subject.sensitivity))}",
                 "What the controller sees over what was injected, a stepped sine in the running "
                 "nonlinear loop; dotted: linearised. Zones of ISO 14839-3: A up to 3 (9.5 dB), "
                 "B up to 4 (12 dB), C up to 5 (14 dB).",
             )
         )
     if subject.loop_gain:
-        names = ", ".join(ordered(subject.loop_gain))
+        names = ", ".join(in_report_order(subject.loop_gain))
         blocks.append(
             picture(
                 figure_bode(subject.loop_gain),

@@ -6,15 +6,15 @@ from anhyst.support.atomic import write_json
 from anhyst_rigs.reports.bearing import page, subject
 from anhyst_rigs.reports.study.task import SimulationTask
 from anhyst_rigs.study.bearing.on_board import BoardComparison, run_board
-from anhyst_rigs.study.bearing.simulate import Simulation, explore
+from anhyst_rigs.study.bearing.simulate import Simulation, simulate_bearing
 
 
 def simulate(task: SimulationTask) -> Simulation:
     """Step, load and disturb a bearing, with and without compensation."""
-    out = task.out if task.written else None
+    out = task.out if task.writes_files else None
     return task.study(
-        lambda: explore(task.rig, out, task.controller, task.progress),
-        lambda simulation, command: page.render(subject.subject_of(simulation, command)),
+        lambda: simulate_bearing(task.rig, out, task.controller, task.progress),
+        lambda simulation, command: page.render(subject.gather_subject(simulation, command)),
         [task.rig],
     )
 

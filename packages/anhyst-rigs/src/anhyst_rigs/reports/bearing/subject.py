@@ -9,9 +9,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from anhyst.control.controller_file import ControllerTable
-from anhyst.data.speeds import slow_loops
+from anhyst.data.speeds import select_slow_loops
 from anhyst.support.kinds import MethodName
-from anhyst.support.page import MINUS, NBSP, NOT_KNOWN, Cell, Note, PageTable, number, table
+from anhyst.support.page import (
+    MINUS,
+    NBSP,
+    UNKNOWN_TEXT,
+    Cell,
+    Note,
+    PageTable,
+    format_number,
+    make_table,
+)
 from anhyst_rigs.reports.bearing.figures import (
     LoopCurve,
     Response,
@@ -19,28 +28,34 @@ from anhyst_rigs.reports.bearing.figures import (
     identified_loop,
     nearest_loops,
 )
-from anhyst_rigs.reports.study.page import Printed, case_table, hashes, interval_text, ordered
-from anhyst_rigs.rig.bearing.held import lost_at
+from anhyst_rigs.reports.study.page import (
+    TerminalSummary,
+    case_table,
+    file_hashes,
+    in_report_order,
+    interval_text,
+)
+from anhyst_rigs.rig.bearing.held import levitation_loss_time
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.loop import ReferenceStep, Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing import experiments
-from anhyst_rigs.study.bearing.experiments import ExperimentFigures, Experiments, Tried
+from anhyst_rigs.study.bearing.experiments import ExperimentFigures, Experiments, VariantFigures
 from anhyst_rigs.study.bearing.linear import Margins
-from anhyst_rigs.study.bearing.operating import has_constants
+from anhyst_rigs.study.bearing.operating import has_constant_gains
 from anhyst_rigs.study.bearing.responses import (
     NOISE,
     OVERSHOOT,
-    SETTLED,
+    SETTLING_BAND,
     StepCell,
-    Steps,
-    grouped,
-    step_difference,
+    StepComparison,
+    compare_overshoots,
+    group_by_step,
 )
 from anhyst_rigs.study.bearing.simulate import Simulation
-from anhyst_rigs.study.engine.table import CaseFigures, ComparedFigure, Metric, no_mean
+from anhyst_rigs.study.engine.table import CaseFigures, ComparedFigure, Metric, lost_interval
 
 
 @dataclass(frozen=True)
@@ -60,7 +75,7 @@ class SimulationSubject:
     controller: ControllerTable
     seeds: int  # noise seeds behind every interval
     panels: tuple[StepPanel, ...] = ()  # fig. 11
-    steps: tuple[Steps, ...] = ()  # the figures of all steps
+    steps: tuple[StepComparison, ...] = ()  # the figures of all steps
     experiments: Experiments | None = None  # those of all else
     # in which wanted and true force are shown
     forces: Mapping[MethodName, Recording] = field(default_factory=dict)
@@ -88,65 +103,80 @@ class SimulationSubject:
     def baselines(self) -> list[MethodName]:
         """The other variants of the steps, in order."""
         methods = {name for step in self.steps for name in step.cells}
-        return [name for name in ordered(methods) if name != self.variant]
+        return [name for name in in_report_order(methods) if name != self.variant]
 
     @property
-    def variants(self) -> list[MethodName]:
+    def all_variants(self) -> list[MethodName]:
         """All that the page speaks of."""
         shown = (*self.baselines, *self.sensitivity, *self.standstill, *self.forces)
-        return ordered({self.variant, *shown})
+        return in_report_order({self.variant, *shown})
 
-    def situation(self, step: Steps) -> str:
+    def step_text(self, step: StepComparison) -> str:
         """Say in words what a step was; the load only if there are several."""
-        where = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
+        place = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
         several = len({one.load for one in self.steps}) > 1
-        return f"{where}, {step.load:g}{NBSP}N" if several else where
+        return f"{place}, {step.load:g}{NBSP}N" if several else place
 
 
-_SHOWN = 0.03  # of a step, s
-_COLUMNS = ("ratio", "single-valued", "full")  # whose forces are shown, beside the controller's own
-_FREQUENCIES = 400
+_SHOWN_S = 0.03  # of a step, s
+_FORCE_VARIANTS = (
+    "ratio",
+    "single-valued",
+    "full",
+)  # whose forces are shown, beside the controller's own
+_FREQUENCY_COUNT = 400
 
 
-def subject_of(simulation: Simulation, command: str) -> SimulationSubject:
+def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
     """Gather what the report of a simulation shows; trajectories and loads are run once more."""
-    rig, tried = simulation.rig, simulation.rig.settings
-    steps = grouped(simulation.cells)
-    up = [step for step in simulation.scenario.steps if step.after < step.before]
-    here = {step.height: step for step in steps if step.gap == tried.gap_m}
-    whole = simulation.scenario.ticks
-    shown = {name: run for name, run in simulation.shown.items() if len(run) == whole}
+    rig, settings = simulation.rig, simulation.rig.settings
+    steps = group_by_step(simulation.cells)
+    upward_steps = [step for step in simulation.scenario.steps if step.after < step.before]
+    steps_at_gap = {step.height: step for step in steps if step.gap == settings.gap_m}
+    all_ticks = simulation.scenario.ticks
+    complete_runs = {
+        name: run for name, run in simulation.step_recordings.items() if len(run) == all_ticks
+    }
     panels = tuple(
         StepPanel(
             step,
-            shown,
+            complete_runs,
             next(
-                found.of(OVERSHOOT)
-                for height, found in here.items()
+                found.figure(OVERSHOOT)
+                for height, found in steps_at_gap.items()
                 if np.isclose(height, step.height)
             ),
         )
-        for step in up
+        for step in upward_steps
     )
-    still = experiments.standing(simulation.setups[simulation.own])
-    chosen = {name: run for name, run in shown.items() if name in (*_COLUMNS, simulation.own)}
-    linear_gain, linear_sensitivity = _linear(simulation)
-    single = len(rig.settings.placed) == 1
-    loops, current = slow_loops(simulation.knowledge.loops), rig.settings.measurement.current_max_A
+    standstill = experiments.plan_standstill(simulation.setups[simulation.main_variant])
+    chosen = {
+        name: run
+        for name, run in complete_runs.items()
+        if name in (*_FORCE_VARIANTS, simulation.main_variant)
+    }
+    linear_gain, linear_sensitivity = _linear_responses(simulation)
+    has_one_magnet = len(rig.settings.body_magnets) == 1
+    loops, current = (
+        select_slow_loops(simulation.knowledge.loops),
+        rig.settings.measurement.current_max_A,
+    )
     return SimulationSubject(
         rig=rig,
         controller=simulation.controller.settings,
-        seeds=tried.noise_seeds,
+        seeds=settings.noise_seeds,
         panels=panels,
         steps=steps,
-        forces=_part(chosen, rig.dt, up[-1]),
-        run=_part(chosen, rig.dt, up[-1]) if single else {},
-        measured=tuple(nearest_loops(loops, tried.gap_m)) if single else (),
-        identified=identified_loop(simulation.knowledge.model.at_rest, tried.gap_m, 0.0, current)
-        if single
+        forces=_cut_around_step(chosen, rig.dt, upward_steps[-1]),
+        run=_cut_around_step(chosen, rig.dt, upward_steps[-1]) if has_one_magnet else {},
+        measured=tuple(nearest_loops(loops, settings.gap_m)) if has_one_magnet else (),
+        identified=identified_loop(simulation.knowledge.model.at_rest, settings.gap_m, 0.0, current)
+        if has_one_magnet
         else None,
-        tracked=tuple(one for one in _tracked(simulation.setups, tried) if one.recordings),
-        standstill=_seen(simulation.setups, *still),
+        tracked=tuple(
+            item for item in _run_tracking(simulation.setups, settings) if item.recordings
+        ),
+        standstill=_run_variants(simulation.setups, *standstill),
         sensitivity={
             name: Response(one.frequency, one.ratio) for name, one in simulation.sensitivity.items()
         },
@@ -155,76 +185,83 @@ def subject_of(simulation: Simulation, command: str) -> SimulationSubject:
         margins={
             name: simulation.loops[name].margins
             for name, setup in simulation.setups.items()
-            if has_constants(setup)
+            if has_constant_gains(setup)
         },
         experiments=simulation.experiments,
-        files=hashes([rig.path, simulation.controller.path, *rig.measured.files]),
+        files=file_hashes([rig.path, simulation.controller.path, *rig.measured_loops.files]),
         command=command,
         notes=(
-            Note("info", "The plant", f"{'; '.join(simulation.plant.lines)}."),
+            Note("info", "The plant", f"{'; '.join(simulation.plant.report_lines)}."),
             *(Note("warn", "The plant", f"{text}.") for text in simulation.plant.warnings),
         ),
     )
 
 
-def _part(
+def _cut_around_step(
     runs: Mapping[MethodName, Recording], tick: float, step: ReferenceStep
 ) -> Mapping[MethodName, Recording]:
     """Cut out what happens around a step."""
-    first, last = step.begin - round(0.1 * _SHOWN / tick), step.begin + round(_SHOWN / tick)
-    return {name: run.part(first, min(last, step.end)) for name, run in runs.items()}
+    first, last = step.begin - round(0.1 * _SHOWN_S / tick), step.begin + round(_SHOWN_S / tick)
+    return {name: run.slice_ticks(first, min(last, step.end)) for name, run in runs.items()}
 
 
-def _linear(
+def _linear_responses(
     simulation: Simulation,
 ) -> tuple[dict[MethodName, Response], dict[MethodName, Response]]:
     """Return linearised loop gain and sensitivity: own variant, as if of static slopes; the paper's."""
-    frequency = np.geomspace(5.0, 0.4 * simulation.rig.settings.timing.rate_Hz, _FREQUENCIES)
+    frequency = np.geomspace(5.0, 0.4 * simulation.rig.settings.timing.rate_Hz, _FREQUENCY_COUNT)
     gains: dict[MethodName, Response] = {}
     sensitivities: dict[MethodName, Response] = {}
-    for name in ("ratio", simulation.own):
+    for name in ("ratio", simulation.main_variant):
         loop = simulation.loops[name]
-        known = "" if has_constants(simulation.setups[name]) else "as if it knew the static slopes"
-        note = known if loop.stable else f"{known}, unstable".removeprefix(", ")
-        gains[name] = Response(frequency, loop.response(frequency), note)
+        assumption = (
+            "" if has_constant_gains(simulation.setups[name]) else "as if it knew the static slopes"
+        )
+        note = assumption if loop.is_stable else f"{assumption}, unstable".removeprefix(", ")
+        gains[name] = Response(frequency, loop.loop_gain(frequency), note)
         sensitivities[name] = Response(frequency, loop.sensitivity(frequency), note)
     return gains, sensitivities
 
 
-def _seen(
+def _run_variants(
     setups: Mapping[MethodName, BearingSetup], scenario: Scenario, begin: int
 ) -> Mapping[MethodName, Recording]:
     """Run a scenario under every variant, and keep what follows a tick; lost runs are left out."""
-    shown = {}
+    parts = {}
     for name, setup in setups.items():
         recording = SimulatedLoop(setup).run(scenario)
-        lost = lost_at(setup.rig, recording, scenario.lifted)
+        lost = levitation_loss_time(setup.rig, recording, scenario.lift_end_tick)
         if lost is None and len(recording) == scenario.ticks:
-            shown[name] = recording.part(begin, len(recording))
-    return shown
+            parts[name] = recording.slice_ticks(begin, len(recording))
+    return parts
 
 
-def _tracked(setups: Mapping[MethodName, BearingSetup], tried: RigFile) -> Iterator[Tracking]:
+def _run_tracking(
+    setups: Mapping[MethodName, BearingSetup], settings: RigFile
+) -> Iterator[Tracking]:
     """Run trajectories and load steps for the eye."""
     setup = next(iter(setups.values()))
-    for shape in tried.trajectories:
-        seen = _seen(setups, *experiments.following(setup, shape))
+    for shape in settings.trajectories:
+        recordings = _run_variants(setups, *experiments.plan_trajectory(setup, shape))
         size = f"{1e6 * shape.amplitude_m:g}{NBSP}µm"
-        yield Tracking(f"{shape.kind} of {size} at {shape.frequency_Hz:g}{NBSP}Hz", seen)
-    for force in tried.load_steps_N:
-        scenario, begin = experiments.loaded(setup, force)
+        yield Tracking(f"{shape.kind} of {size} at {shape.frequency_Hz:g}{NBSP}Hz", recordings)
+    for force in settings.load_steps_N:
+        scenario, begin = experiments.plan_load_step(setup, force)
         ticks = round(0.1 / setup.rig.dt)
-        seen = {name: run.part(0, ticks) for name, run in _seen(setups, scenario, begin).items()}
-        yield Tracking(f"load step of {force:g}{NBSP}N", seen)
+        recordings = {
+            name: run.slice_ticks(0, ticks)
+            for name, run in _run_variants(setups, scenario, begin).items()
+        }
+        yield Tracking(f"load step of {force:g}{NBSP}N", recordings)
 
 
 WITHIN_NOISE = "≤ noise"
 """Beside an overshoot that is not certainly more than what the standstill adds to it."""
 SETTLING = Metric("settling_in_noise_s", "Settling time", "ms", 1e3)
 STANDSTILL_OF_STEP = Metric("standstill_rms_m", "Standstill", "nm", 1e9)
-STEADY = Metric("steady_error_m", "Steady-state error", "nm", 1e9)
+STEADY_ERROR = Metric("steady_error_m", "Steady-state error", "nm", 1e9)
 FORCE_ERROR = "force_error_rms_N"
-_LATE = (
+_DELAY_NOTE = (
     "True less wanted force of the same tick: it holds the tick of delay and the lag of the "
     "amplifier, which no compensation takes away."
 )
@@ -236,30 +273,30 @@ STEP_TABLES: Mapping[Metric, str] = {
     "the last half of the hold, to both sides, of the height of the step; of a step up and one "
     "down, the larger.",
     Metric("rise_time_s", "Rise time, 10 to 90 %", "ms", 1e3): "",
-    SETTLING: f"Until the gap stays within {100.0 * SETTLED:g} % of the height, or three times the "
+    SETTLING: f"Until the gap stays within {100.0 * SETTLING_BAND:g} % of the height, or three times the "
     "resolution of the position sensor (rms of its noise and its steps) where that is more: one "
     "band for all variants.",
-    STEADY: "Of the gap, over the end of the hold.",
+    STEADY_ERROR: "Of the gap, over the end of the hold.",
     Metric(
         "tracking_rms_m", "Deviation from the reference, rms", "µm", 1e6
     ): "Over the whole step.",
-    Metric(FORCE_ERROR, "Force error, rms", "N"): _LATE,
+    Metric(FORCE_ERROR, "Force error, rms", "N"): _DELAY_NOTE,
     Metric("current_rate_rms_A_per_s", "Current effort", "A/s"): "Root mean square of the "
     "current's rate of change.",
 }
 """Figures of steps, and what their tables say of them."""
-STANDSTILL = (
+STANDSTILL_METRICS = (
     Metric("rms_m", "Position at a standstill, rms", "nm", 1e9),
     Metric("mean_error_m", "Mean error at a standstill", "nm", 1e9),
 )
-TRACKING = (
+TRACKING_METRICS = (
     Metric("tracking_rms_m", "Deviation from the trajectory, rms", "nm", 1e9),
     Metric("tracking_peak_m", "Deviation from the trajectory, largest", "nm", 1e9),
     Metric(FORCE_ERROR, "Force error on the trajectory, rms", "N"),
 )
-PUSHED = Metric("peak_m", "Deviation after a load step, largest", "µm", 1e6)
+LOAD_STEP_PEAK = Metric("peak_m", "Deviation after a load step, largest", "µm", 1e6)
 RECOVERY = Metric("recovery_s", "Time until the error stays within 1 µm", "ms", 1e3)
-EXCESS = (
+EVENT_EXCESS = (
     Metric("excess_peak_m", "Deviation that the event makes, largest", "µm", 1e6),
     Metric("excess_s", "Time until the event no longer shows", "ms", 1e3),
 )
@@ -267,22 +304,22 @@ EXCESS = (
 
 def difference_text(figure: ComparedFigure) -> str:
     """Write such as "54 % less"."""
-    if figure.less:
-        return f"{number(100.0 * (1.0 - figure.ratio), 2)}{NBSP}% less"
-    if figure.more:
-        return f"+{number(figure.mine - figure.its, 2)} points"
-    return "alike" if math.isfinite(figure.mine + figure.its) else NOT_KNOWN
+    if figure.is_better:
+        return f"{format_number(100.0 * (1.0 - figure.ratio), 2)}{NBSP}% less"
+    if figure.is_worse:
+        return f"+{format_number(figure.model_value - figure.baseline_value, 2)} points"
+    return "alike" if math.isfinite(figure.model_value + figure.baseline_value) else UNKNOWN_TEXT
 
 
-def _remark(cell: CaseFigures) -> str:
+def _noise_remark(cell: CaseFigures) -> str:
     """Return what is to stand beside an overshoot that is the noise of a standstill."""
-    noise = isinstance(cell, StepCell) and not cell.overshoots and not cell.lost
-    return WITHIN_NOISE if noise else ""
+    is_noise = isinstance(cell, StepCell) and not cell.has_overshoot and not cell.lost
+    return WITHIN_NOISE if is_noise else ""
 
 
-def overshoot_text(step: Steps, name: MethodName) -> str:
+def overshoot_text(step: StepComparison, name: MethodName) -> str:
     """Write the overshoot of a variant, and whether it is noise."""
-    return f"{interval_text(step.of(OVERSHOOT)[name], '%')} {_remark(step.cells[name])}".rstrip()
+    return f"{interval_text(step.figure(OVERSHOOT)[name], '%')} {_noise_remark(step.cells[name])}".rstrip()
 
 
 def benefit_table(subject: SimulationSubject) -> PageTable | None:
@@ -293,14 +330,14 @@ def benefit_table(subject: SimulationSubject) -> PageTable | None:
         return None
     rows: list[list[str | Cell]] = []
     for step in steps:
-        row: list[str | Cell] = [subject.situation(step), overshoot_text(step, subject.variant)]
+        row: list[str | Cell] = [subject.step_text(step), overshoot_text(step, subject.variant)]
         for name in baselines:
-            known = name in step.cells
-            difference = step_difference(step, subject.variant, name) if known else None
-            text = NOT_KNOWN if difference is None else difference_text(difference)
-            row.append(Cell(text, strong=difference is not None and difference.less))
+            has_step = name in step.cells
+            difference = compare_overshoots(step, subject.variant, name) if has_step else None
+            text = UNKNOWN_TEXT if difference is None else difference_text(difference)
+            row.append(Cell(text, strong=difference is not None and difference.is_better))
         rows.append(row)
-    return table(
+    return make_table(
         f"Overshoot of {subject.variant} against that of each baseline",
         ["step", "overshoot", *baselines],
         rows,
@@ -314,81 +351,89 @@ def benefit_table(subject: SimulationSubject) -> PageTable | None:
     )
 
 
-def printed(simulation: Simulation) -> Printed:
+def terminal_summary(simulation: Simulation) -> TerminalSummary:
     """Return what a terminal shows of a simulation."""
-    file, iron = simulation.rig.settings, simulation.at.slopes
-    steps = [step for step in grouped(simulation.cells) if step.gap == file.gap_m]
+    file, iron = simulation.rig.settings, simulation.operating_point.slopes
+    steps = [step for step in group_by_step(simulation.cells) if step.gap == file.gap_m]
     rows = []
     for name in simulation.setups:
         last = steps[-1].cells[name]
         rest = (
-            interval_text(last.of(metric.key), factor=metric.factor)
+            interval_text(last.interval(metric.key), factor=metric.factor)
             for metric in (SETTLING, STANDSTILL_OF_STEP)
         )
-        mark = " *" if name == simulation.own else ""
+        mark = " *" if name == simulation.main_variant else ""
         rows.append([f"{name}{mark}", *(overshoot_text(step, name) for step in steps), *rest])
     heights = [f"{1e6 * step.height:g} µm" for step in steps]
-    overshoots = table(
+    overshoots = make_table(
         f"Overshoot of steps at {1e3 * file.gap_m:g} mm",
-        ["", *heights, SETTLING.head, STANDSTILL_OF_STEP.head],
+        ["", *heights, SETTLING.heading, STANDSTILL_OF_STEP.heading],
         rows,
         f"* of the controller file; mean of {file.noise_seeds} noise seeds with its 95 % interval; "
         f"settling and standstill at the highest step; {WITHIN_NOISE}: not certainly more than the "
         "armature moves about at a standstill",
     )
     slope = (
-        f"{iron.label} iron: just after a reversal {100.0 * iron.share:.0f} % of the static N/A; "
-        f"unstable pole {simulation.at.point.pole_at_current:.0f} Hz"
+        f"{iron.label} iron: just after a reversal {100.0 * iron.slope_ratio:.0f} % of the static N/A; "
+        f"unstable pole {simulation.operating_point.bearing.current_drive_pole:.0f} Hz"
     )
-    return Printed([overshoots], [*simulation.plant.lines, slope])
+    return TerminalSummary([overshoots], [*simulation.plant.report_lines, slope])
 
 
 def step_tables(subject: SimulationSubject) -> list[PageTable]:
     """Return one table for each figure of the steps."""
-    steps = {subject.situation(step): step.cells for step in subject.steps}
+    steps = {subject.step_text(step): step.cells for step in subject.steps}
     return [
-        case_table(metric, steps, caption, _remark if metric.key == OVERSHOOT else None)
+        case_table(metric, steps, caption, _noise_remark if metric.key == OVERSHOOT else None)
         for metric, caption in STEP_TABLES.items()
         if any(metric.key in one.figures for row in steps.values() for one in row.values())
     ]
 
 
-def standstill_tables(tried: Tried) -> list[PageTable]:
+def standstill_tables(figures: VariantFigures) -> list[PageTable]:
     """Return the figures of a standstill, and under which variants the armature never came to rest."""
-    cycles = table(
+    cycles = make_table(
         "Limit cycles at a standstill",
         ("variant", "runs with one", "amplitude (nm)", "period (ms)"),
-        [[name, *_cycle_row(tried[name])] for name in ordered(tried)],
+        [[name, *_cycle_row(figures[name])] for name in in_report_order(figures)],
         "Amplitude and period: medians of the runs that have a cycle.",
     )
-    return [*(case_table(metric, {"hanging still": tried}) for metric in STANDSTILL), cycles]
+    return [
+        *(case_table(metric, {"hanging still": figures}) for metric in STANDSTILL_METRICS),
+        cycles,
+    ]
 
 
-def _cycle_row(one: ExperimentFigures) -> tuple[str, str, str]:
-    if one.lost:
-        return interval_text(no_mean(one.lost, one.runs)), NOT_KNOWN, NOT_KNOWN
-    size, period = one.median("amplitude"), one.median("period")
+def _cycle_row(figures: ExperimentFigures) -> tuple[str, str, str]:
+    if figures.lost:
+        return interval_text(lost_interval(figures.lost, figures.runs)), UNKNOWN_TEXT, UNKNOWN_TEXT
+    size, period = figures.median("amplitude"), figures.median("period")
     return (
-        f"{len(one.cycles or ())} of {one.runs}",
-        NOT_KNOWN if size is None else number(1e9 * size, 3),
-        NOT_KNOWN if period is None else number(1e3 * period, 3),
+        f"{len(figures.cycles or ())} of {figures.runs}",
+        UNKNOWN_TEXT if size is None else format_number(1e9 * size, 3),
+        UNKNOWN_TEXT if period is None else format_number(1e3 * period, 3),
     )
 
 
-def experiment_tables(tried: Experiments) -> list[PageTable]:
+def experiment_tables(experiments: Experiments) -> list[PageTable]:
     """Return the figures of trajectories, load steps, and what goes wrong."""
-    follow = {
+    trajectories = {
         f"{shape.kind} of {1e6 * shape.amplitude_m:g}{NBSP}µm at {shape.frequency_Hz:g}{NBSP}Hz": one
-        for shape, one in tried.trajectories
+        for shape, one in experiments.trajectories
     }
-    loads = {f"load step of {force:g}{NBSP}N": one for force, one in tried.load_steps}
-    recovery: dict[str, Tried] = dict(loads)
-    events: dict[str, Tried] = {}
-    for event, one in tried.events.items():
+    loads = {f"load step of {force:g}{NBSP}N": one for force, one in experiments.load_steps}
+    recovery: dict[str, VariantFigures] = dict(loads)
+    events: dict[str, VariantFigures] = {}
+    for event, one in experiments.events.items():
         (recovery if event == "overload" else events)[event] = one
-    groups = ((follow, TRACKING), (loads, (PUSHED,)), (recovery, (RECOVERY,)), (events, EXCESS))
+    groups = (
+        (trajectories, TRACKING_METRICS),
+        (loads, (LOAD_STEP_PEAK,)),
+        (recovery, (RECOVERY,)),
+        (events, EVENT_EXCESS),
+    )
     return [
-        case_table(metric, cases, _LATE if metric.key == FORCE_ERROR else "")
+        case_table(metric, cases, _DELAY_NOTE if metric.key == FORCE_ERROR else "")
         for cases, metrics in groups
         if cases
         for metric in metrics
@@ -400,16 +445,16 @@ def margin_table(margins: Mapping[MethodName, Margins]) -> PageTable:
     rows = [
         [
             name,
-            "yes" if one.stable else "NO",
-            f"{number(one.gain_down, 2)} to {number(one.gain_up, 2)}",
-            number(one.phase, 2),
-            number(1e6 * one.delay, 2),
-            number(one.crossover, 3),
-            f"{number(one.peak)} at {number(one.peak_frequency, 2)}{NBSP}Hz",
+            "yes" if margin.stable else "NO",
+            f"{format_number(margin.gain_down, 2)} to {format_number(margin.gain_up, 2)}",
+            format_number(margin.phase, 2),
+            format_number(1e6 * margin.delay, 2),
+            format_number(margin.crossover, 3),
+            f"{format_number(margin.peak)} at {format_number(margin.peak_frequency, 2)}{NBSP}Hz",
         ]
-        for name, one in ((name, margins[name]) for name in ordered(margins))
+        for name, margin in ((name, margins[name]) for name in in_report_order(margins))
     ]
-    return table(
+    return make_table(
         "Margins of the linearised loop",
         (
             "variant",
@@ -430,17 +475,17 @@ def settling_sentence(subject: SimulationSubject) -> str:
     if "ratio" not in subject.baselines:
         return ""
     counts = []
-    for metric in (SETTLING, STEADY):
-        both = [
+    for metric in (SETTLING, STEADY_ERROR):
+        pairs = [
             (abs(row[subject.variant].mean), abs(row["ratio"].mean))
-            for row in [step.of(metric.key) for step in subject.steps]
+            for row in [step.figure(metric.key) for step in subject.steps]
             if subject.variant in row and "ratio" in row
         ]
-        both = [pair for pair in both if not math.isnan(sum(pair))]  # lost
-        if both:
+        pairs = [pair for pair in pairs if not math.isnan(sum(pair))]  # lost
+        if pairs:
             mine, other = (
-                _range([metric.factor * one for one in ones], metric.unit)
-                for ones in zip(*both, strict=True)
+                _range_text([metric.factor * one for one in ones], metric.unit)
+                for ones in zip(*pairs, strict=True)
             )
             counts.append(
                 f"{metric.title.lower()}: {mine} with {subject.variant}, {other} with ratio"
@@ -453,9 +498,9 @@ def settling_sentence(subject: SimulationSubject) -> str:
     )
 
 
-def _range(values: Sequence[float], unit: str) -> str:
+def _range_text(values: Sequence[float], unit: str) -> str:
     low, high = min(values), max(values)
     if not math.isfinite(low):
         return "never"
-    end = f"{number(high, 2)}{NBSP}{unit}" if math.isfinite(high) else "never"
-    return f"{number(low, 2)} to {end}".replace("-", MINUS)
+    end = f"{format_number(high, 2)}{NBSP}{unit}" if math.isfinite(high) else "never"
+    return f"{format_number(low, 2)} to {end}".replace("-", MINUS)

@@ -18,13 +18,13 @@ from matplotlib.text import Text
 
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.figures import FALLING, RISING, new_figure, svg_text
+from anhyst.support.figures import FALLING_COLOUR, RISING_COLOUR, new_figure, svg_text
 from anhyst.support.kinds import METHOD_TITLES, MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import (
     MINUS,
     NBSP,
-    NOT_KNOWN,
+    UNKNOWN_TEXT,
     Cell,
     Headline,
     Items,
@@ -34,12 +34,12 @@ from anhyst.support.page import (
     Section,
     Tile,
     Tone,
-    number,
+    format_number,
+    make_table,
     render_page,
-    table,
 )
 from anhyst_rigs.study.engine.table import (
-    TITLES,
+    VERDICT_TITLES,
     CaseFigures,
     Cases,
     Interval,
@@ -48,57 +48,57 @@ from anhyst_rigs.study.engine.table import (
     Metric,
 )
 
-INK = "#000000"
-SHADE = "#8C8C8C"
-PALE = "#C4C4C4"
+INK_COLOUR = "#000000"
+SHADE_COLOUR = "#8C8C8C"
+PALE_COLOUR = "#C4C4C4"
 
 # Okabe and Ito, and dashes beside them, for print without colour.
-_LOOKS: Mapping[MethodName, tuple[str, Any]] = {
-    "ratio": (FALLING, "-"),
+_LINE_STYLES: Mapping[MethodName, tuple[str, Any]] = {
+    "ratio": (FALLING_COLOUR, "-"),
     "secant": ("#7A4B21", (0, (1, 1))),
     "linearised": ("#E69F00", (0, (6, 1.5))),
     "single-valued": ("#CC79A7", (0, (3, 1))),
     "play": ("#882255", (0, (4, 1, 1, 1, 1, 1))),
     "simplified": ("#009E73", (0, (6, 1.5, 1, 1.5))),
     "at-rest": ("#8C8C8C", (0, (5, 2))),
-    "full": (RISING, "-"),
+    "full": (RISING_COLOUR, "-"),
     "flux": ("#56B4E9", (0, (2, 1, 1, 1))),
     "fused": ("#6A3D9A", (0, (8, 1))),
 }
-COLOURS = {name: colour for name, (colour, _) in _LOOKS.items()}
-DASHES = {name: dashes for name, (_, dashes) in _LOOKS.items()}
-_WIDTH_DIGITS, _MEAN_DIGITS, _PLACES = 2, 4, 3
-MOST_POINTS = 1200
+COLOURS = {name: colour for name, (colour, _) in _LINE_STYLES.items()}
+DASHES = {name: dashes for name, (_, dashes) in _LINE_STYLES.items()}
+_INTERVAL_DIGITS, _MEAN_DIGITS, _MAX_DECIMALS = 2, 4, 3
+MAX_CURVE_POINTS = 1200
 """Points of a curve in a figure at most."""
 
 
-def line_of(variant: MethodName) -> dict[str, Any]:
+def line_style(variant: MethodName) -> dict[str, Any]:
     """Return how the line of a variant is drawn."""
     width = 1.6 if variant == "full" else 1.2
     return {"color": COLOURS[variant], "ls": DASHES[variant], "lw": width}
 
 
-def ordered(variants: Iterable[str]) -> list[MethodName]:
+def in_report_order(variants: Iterable[str]) -> list[MethodName]:
     """Return variants in the order in which every figure and table has them."""
     present = set(variants)
     return [name for name in COLOURS if name in present]
 
 
-def thinned(*rows: FloatArray) -> tuple[FloatArray, ...]:
+def thin_curves(*rows: FloatArray) -> tuple[FloatArray, ...]:
     """Return rows of equal length with no more points than a figure can show.
 
     From every stretch the lowest and the highest value of the last row are kept: peaks stay.
     """
-    shape = rows[-1]
-    every = math.ceil(2 * shape.size / MOST_POINTS)
-    if every <= 2:
+    values = rows[-1]
+    stretch = math.ceil(2 * values.size / MAX_CURVE_POINTS)
+    if stretch <= 2:
         return rows
-    kept = {
-        start + int(extreme(shape[start : start + every]))
-        for start in range(0, shape.size, every)
+    extremes = {
+        start + int(extreme(values[start : start + stretch]))
+        for start in range(0, values.size, stretch)
         for extreme in (np.argmin, np.argmax)
     }
-    index = np.array(sorted({0, *kept, shape.size - 1}))
+    index = np.array(sorted({0, *extremes, values.size - 1}))
     return tuple(row[index] for row in rows)
 
 
@@ -115,22 +115,22 @@ def interval_text(interval: Interval | None, unit: str = "", factor: float = 1.0
     ('3.616 ± 0.001', '0.000 ± 0.010')
     """
     if interval is None:
-        return NOT_KNOWN
+        return UNKNOWN_TEXT
     if interval.lost:
         return f"{interval.lost} of {interval.count} lost"
     mean, width = factor * interval.mean, abs(factor) * interval.half_width
     if not math.isfinite(mean):
-        return NOT_KNOWN if math.isnan(mean) else "never"
+        return UNKNOWN_TEXT if math.isnan(mean) else "never"
     if not math.isfinite(width) or width <= 1e-9 * abs(mean):
-        text = number(mean, 4, short=True)
+        text = format_number(mean, 4, short=True)
     else:
-        digits = _WIDTH_DIGITS - 1 - math.floor(math.log10(width))
+        digits = _INTERVAL_DIGITS - 1 - math.floor(math.log10(width))
         if mean != 0.0:
             digits = min(digits, _MEAN_DIGITS - 1 - math.floor(math.log10(abs(mean))))
-        places = min(max(digits, 0), _PLACES)
-        unsure = math.ceil(width * 10.0**places - 1e-9) / 10.0**places
+        places = min(max(digits, 0), _MAX_DECIMALS)
+        half_width = math.ceil(width * 10.0**places - 1e-9) / 10.0**places
         rounded = round(mean, places) + 0.0  # a negative zero becomes a plain one
-        text = f"{rounded:.{places}f} ± {unsure:.{places}f}".replace("-", MINUS)
+        text = f"{rounded:.{places}f} ± {half_width:.{places}f}".replace("-", MINUS)
     return f"{text}{NBSP}{unit}".rstrip()
 
 
@@ -143,22 +143,27 @@ def legend_below(figure: Figure, *axes: Axes, columns: int = 4) -> None:
     figure.legend(list(labels.values()), list(labels), loc="outside lower center", ncols=columns)
 
 
-_TONES: Mapping[Level, Tone] = {"yes": "good", "mixed": "warn", "no": "warn", "unknown": "info"}
+_TONE_OF_LEVEL: Mapping[Level, Tone] = {
+    "yes": "good",
+    "mixed": "warn",
+    "no": "warn",
+    "unknown": "info",
+}
 
 
 def verdict_note(judgement: Judgement) -> Note:
     """Return it as a box."""
     text = f"{judgement.text[:1].upper()}{judgement.text[1:]}."
-    return Note(_TONES[judgement.level], TITLES[judgement.level], text)
+    return Note(_TONE_OF_LEVEL[judgement.level], VERDICT_TITLES[judgement.level], text)
 
 
-WIDE, HIGH = 2.02, 1.28
-SOFTWARE, PLANT = "#EAF3FA", "#F4F6F8"
-_INK = "#333333"
-_TITLE, _TEXT = 8.5, 7.5  # points
-_LINE = 0.155  # inches from line to line
-_FILL = 0.86  # of the width of a box that a text may take up
-Place = tuple[float, float]
+BOX_WIDTH_IN, BOX_HEIGHT_IN = 2.02, 1.28
+SOFTWARE_FILL, PLANT_FILL = "#EAF3FA", "#F4F6F8"
+_BOX_EDGE_COLOUR = "#333333"
+_TITLE_SIZE_PT, _TEXT_SIZE_PT = 8.5, 7.5  # points
+_LINE_SPACING_IN = 0.155  # inches from line to line
+_MAX_TEXT_SHARE = 0.86  # of the width of a box that a text may take up
+Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,44 +187,60 @@ def new_diagram(width: float, height: float) -> tuple[Figure, Axes]:
 
 
 def draw_box(
-    ax: Axes, centre: Place, name: str, block: DiagramBlock, fill: str, high: float = HIGH
+    ax: Axes,
+    centre: Point,
+    name: str,
+    block: DiagramBlock,
+    fill: str,
+    height: float = BOX_HEIGHT_IN,
 ) -> None:
     """Draw a box with its title and the lines below it."""
     x, y = centre
     shape = FancyBboxPatch(
-        (x - 0.5 * WIDE, y - 0.5 * high),
-        WIDE,
-        high,
+        (x - 0.5 * BOX_WIDTH_IN, y - 0.5 * height),
+        BOX_WIDTH_IN,
+        height,
         boxstyle="round,pad=0,rounding_size=0.06",
         fc=fill,
-        ec=_INK,
+        ec=_BOX_EDGE_COLOUR,
         lw=0.9,
     )
     shape.set_gid(f"box-{name}")
     ax.add_patch(shape)
-    top = y + 0.5 * high - 0.14
-    text = ax.text(x, top, block.title, ha="center", va="center", weight="bold", fontsize=_TITLE)
+    top = y + 0.5 * height - 0.14
+    text = ax.text(
+        x, top, block.title, ha="center", va="center", weight="bold", fontsize=_TITLE_SIZE_PT
+    )
     text.set_gid(f"title-{name}")
-    _fit(text)
-    spare = high - 0.28 - _LINE * len(block.lines)
-    first = top - 0.14 - 0.5 * max(spare, 0.0) - 0.5 * _LINE
+    _shrink_to_box(text)
+    spare = height - 0.28 - _LINE_SPACING_IN * len(block.lines)
+    first = top - 0.14 - 0.5 * max(spare, 0.0) - 0.5 * _LINE_SPACING_IN
     for row, line in enumerate(block.lines):
-        text = ax.text(x, first - row * _LINE, line, ha="center", va="center", fontsize=_TEXT)
+        text = ax.text(
+            x,
+            first - row * _LINE_SPACING_IN,
+            line,
+            ha="center",
+            va="center",
+            fontsize=_TEXT_SIZE_PT,
+        )
         text.set_gid(f"line{row}-{name}")
-        _fit(text)
+        _shrink_to_box(text)
 
 
-def _fit(text: Text) -> None:
+def _shrink_to_box(text: Text) -> None:
     """Make a text smaller until it keeps within its box, with room for a wider typeface."""
     figure = text.get_figure(root=True)
     assert figure is not None
     width = text.get_window_extent(FigureCanvasAgg(figure).get_renderer()).width  # type: ignore[no-untyped-call]
-    room = _FILL * WIDE * figure.dpi
-    if width > room:
-        text.set_fontsize(float(text.get_fontsize()) * room / width)
+    max_width = _MAX_TEXT_SHARE * BOX_WIDTH_IN * figure.dpi
+    if width > max_width:
+        text.set_fontsize(float(text.get_fontsize()) * max_width / width)
 
 
-def draw_arrow(ax: Axes, corners: Sequence[Place], colour: str = RISING, **style: Any) -> None:
+def draw_arrow(
+    ax: Axes, corners: Sequence[Point], colour: str = RISING_COLOUR, **style: Any
+) -> None:
     """Go along corners, with a head at the last one."""
     xs, ys = zip(*corners, strict=True)
     if len(corners) > 2:
@@ -228,14 +249,14 @@ def draw_arrow(ax: Axes, corners: Sequence[Place], colour: str = RISING, **style
     ax.annotate("", corners[-1], corners[-2], arrowprops=head | style)
 
 
-def draw_label(ax: Axes, at: Place, text: str, across: str = "center", up: str = "bottom") -> None:
+def draw_label(ax: Axes, at: Point, text: str, across: str = "center", up: str = "bottom") -> None:
     """Write a label at a place."""
-    ax.text(*at, text, ha=across, va=up, fontsize=_TEXT)
+    ax.text(*at, text, ha=across, va=up, fontsize=_TEXT_SIZE_PT)
 
 
-REPORT = "report.html"
+REPORT_NAME = "report.html"
 """The page, beside what a study writes."""
-_REMARKS: Mapping[MethodName, str] = {
+_METHOD_REMARKS: Mapping[MethodName, str] = {
     "ratio": "the paper's case without compensation; nothing cancels the negative stiffness",
     "secant": "the same, read as a line through the origin",
     "linearised": "cancels the negative stiffness at the operating point: standard practice",
@@ -249,7 +270,7 @@ _REMARKS: Mapping[MethodName, str] = {
 }
 
 
-class Printed(NamedTuple):
+class TerminalSummary(NamedTuple):
     """What a terminal shows of a study, beside losses and verdict."""
 
     tables: Sequence[PageTable]
@@ -263,8 +284,8 @@ def page_text(
     source: str = "a simulation",
 ) -> str:
     """Return the page of a study; sections with nothing in them are left out."""
-    kept = [section for section in sections if section is not None and section.blocks]
-    return render_page(head, kept, running_version(), kind=kind, source=source)
+    nonempty = [section for section in sections if section is not None and section.blocks]
+    return render_page(head, nonempty, running_version(), kind=kind, source=source)
 
 
 def write_page(path: PathLike, text: str) -> None:
@@ -273,19 +294,19 @@ def write_page(path: PathLike, text: str) -> None:
         stream.write(text)
 
 
-def origin(files: Mapping[str, str], command: str = "", seed: int | None = None) -> Section:
+def origin_section(files: Mapping[str, str], command: str = "", seed: int | None = None) -> Section:
     """Return the section that says of which files a page is, with their SHA-256, and how it is made."""
     rows: list[list[str | Cell]] = [
         [name, Cell(f"{digest[:16]}…", code=True)] for name, digest in files.items()
     ]
-    again = [] if seed is None else [f"Seed {seed}; the same seed gives the same figures."]
-    again += [f"Made by: {command}"] if command else []
-    blocks = [table("Files", ["file", "SHA-256"], rows, texts=2)] if rows else []
-    items = [Items("How to make it again", tuple(again))] if again else []
+    texts = [] if seed is None else [f"Seed {seed}; the same seed gives the same figures."]
+    texts += [f"Made by: {command}"] if command else []
+    blocks = [make_table("Files", ["file", "SHA-256"], rows, texts=2)] if rows else []
+    items = [Items("How to make it again", tuple(texts))] if texts else []
     return Section("origin", "Origin", (*blocks, *items))
 
 
-def hashes(files: Sequence[Path]) -> dict[str, str]:
+def file_hashes(files: Sequence[Path]) -> dict[str, str]:
     """Return the SHA-256 of files by name."""
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
@@ -295,9 +316,12 @@ def picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
     return Picture(svg_text(figure, key), alt, caption)
 
 
-def tile(metric: Metric, mine: float, other: float, name: str) -> Tile:
+def comparison_tile(metric: Metric, own_value: float, other_value: float, name: str) -> Tile:
     """Return one large figure, beside that of what it is compared with."""
-    texts = [f"{number(metric.factor * one, 2)}{NBSP}{metric.unit}" for one in (mine, other)]
+    texts = [
+        f"{format_number(metric.factor * value, 2)}{NBSP}{metric.unit}"
+        for value in (own_value, other_value)
+    ]
     return Tile(texts[0], metric.title, f"{name}: {texts[1]}")
 
 
@@ -313,7 +337,7 @@ def method_table(
         return interval_text(of(metric.key), factor=metric.factor).replace(" ", NBSP)
 
     rows = [[name, *(cell(of, metric) for metric in metrics)] for name, of in methods.items()]
-    return table(title, ["variant", *(metric.head for metric in metrics)], rows, caption)
+    return make_table(title, ["variant", *(metric.heading for metric in metrics)], rows, caption)
 
 
 def case_table(
@@ -323,30 +347,30 @@ def case_table(
     remark: Callable[[CaseFigures], str] | None = None,
 ) -> PageTable:
     """Return a table of one metric: a row a case, a column a method."""
-    methods = ordered(name for row in cases.values() for name in row)
+    methods = in_report_order(name for row in cases.values() for name in row)
 
     def cell(case: str, name: MethodName) -> str:
         """Write a figure and its remark, between which alone a line may end."""
         if name not in cases[case]:
             return interval_text(None)
         figures = cases[case][name]
-        text = interval_text(figures.of(metric.key), factor=metric.factor)
+        text = interval_text(figures.interval(metric.key), factor=metric.factor)
         parts = (text, "" if remark is None else remark(figures))
         return " ".join(part.replace(" ", NBSP) for part in parts if part)
 
     rows = [[case, *(cell(case, name) for name in methods)] for case in cases]
-    counts = [one.of(metric.key).count for row in cases.values() for one in row.values()]
+    counts = [one.interval(metric.key).count for row in cases.values() for one in row.values()]
     ends = " to ".join(str(end) for end in sorted({min(counts), max(counts)}))
     interval = f"Mean and 95 % confidence interval over {ends} noise seeds."
-    return table(metric.head, ["", *methods], rows, f"{caption} {interval}".strip())
+    return make_table(metric.heading, ["", *methods], rows, f"{caption} {interval}".strip())
 
 
 def legend_table(methods: Sequence[MethodName]) -> PageTable:
     """Say what the variants are."""
     rows: list[list[str | Cell]] = [
-        [Cell(name, code=True), METHOD_TITLES[name], _REMARKS[name]] for name in methods
+        [Cell(name, code=True), METHOD_TITLES[name], _METHOD_REMARKS[name]] for name in methods
     ]
-    return table(
+    return make_table(
         "Variants",
         ["name", "from wanted force to current", "remark"],
         rows,

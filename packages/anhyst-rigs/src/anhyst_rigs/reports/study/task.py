@@ -11,11 +11,11 @@ from anhyst.data.table import check_recording
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
-from anhyst_rigs.reports.study.page import REPORT, write_page
+from anhyst_rigs.reports.study.page import REPORT_NAME, write_page
 from anhyst_rigs.study.engine.monte_carlo import MonteCarlo
-from anhyst_rigs.study.engine.table import FIGURES, StudyResult
+from anhyst_rigs.study.engine.table import FIGURES_FILE, StudyResult
 
-MONTE_CARLO = "montecarlo.json"
+MONTE_CARLO_NAME = "montecarlo.json"
 """Figures of drifted plants, beside their results."""
 Result = TypeVar("Result", bound=StudyResult)
 
@@ -27,13 +27,13 @@ class SimulationTask:
     rig: PathLike
     controller: PathLike | None
     out: Path
-    written: bool
+    writes_files: bool
     progress: Progress | None
 
     @property
-    def report(self) -> Path:
+    def report_path(self) -> Path:
         """The page beside the recording."""
-        return self.out.parent / REPORT
+        return self.out.parent / REPORT_NAME
 
     def command(self, option: str = "") -> str:
         """Return what makes the study again."""
@@ -44,25 +44,25 @@ class SimulationTask:
         self,
         explore: Callable[[], Result],
         render: Callable[[Result, str], str],
-        reads: Sequence[PathLike],
+        input_files: Sequence[PathLike],
     ) -> Result:
         """Explore a rig, and write recording, figures and page if that is asked for."""
-        if not self.written:
+        if not self.writes_files:
             return explore()
-        check_recording(self.out, reads)
-        for path in (self.out.parent / FIGURES, self.report):
-            check_writable(path, reads)
+        check_recording(self.out, input_files)
+        for path in (self.out.parent / FIGURES_FILE, self.report_path):
+            check_writable(path, input_files)
         try:
             result = explore()
             text = render(result, self.command())
         except NegativeResult:
-            self.report.unlink(missing_ok=True)  # of another recording
+            self.report_path.unlink(missing_ok=True)  # of another recording
             raise
         result.save(self.out)
-        write_page(self.report, text)
+        write_page(self.report_path, text)
         return result
 
-    def must_end(self, suffix: str, what: str) -> None:
+    def require_suffix(self, suffix: str, what: str) -> None:
         """Refuse a file to write with another ending."""
         if self.out.suffix != suffix:
             raise InputError(
@@ -72,5 +72,5 @@ class SimulationTask:
 
 def files_written(result: StudyResult, out: Path) -> str:
     """Say what was written of a study: recording, figures and page."""
-    figures = MONTE_CARLO if isinstance(result, MonteCarlo) else FIGURES
-    return ", ".join(map(str, (out, out.parent / figures, out.parent / REPORT)))
+    figures = MONTE_CARLO_NAME if isinstance(result, MonteCarlo) else FIGURES_FILE
+    return ", ".join(map(str, (out, out.parent / figures, out.parent / REPORT_NAME)))

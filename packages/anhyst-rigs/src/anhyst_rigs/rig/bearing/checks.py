@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from anhyst.control.controller_file import ControllerFile, ControllerTable
-from anhyst.support.kinds import PROBED
+from anhyst.support.kinds import FLUX_PROBE_METHODS
 from anhyst.support.toml_file import FileFault, faults_error
-from anhyst_rigs.rig.bearing.loop import pair_of
+from anhyst_rigs.rig.bearing.loop import pair_table
 from anhyst_rigs.rig.bearing.scenario import land_time, lift_time
 from anhyst_rigs.rig.body import BodyRig, step_ends
 
-LONGEST_RAMP_S = 60.0
+MAX_RAMP_S = 60.0
 """Longest time that lifting off or landing may take, s."""
 
 
@@ -33,14 +33,16 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
     if limits.current_high_A > amplifier.current_high_A:
         text = f"the amplifier of {rig.path} ends at {amplifier.current_high_A:g} A; lower it"
         yield FileFault(("limits", "current_high_A"), text, code="beyond-amplifier")
-    if len(rig.settings.placed) == 1 and limits.force_low_N < 0.0:
+    if len(rig.settings.body_magnets) == 1 and limits.force_low_N < 0.0:
         text = "a single magnet cannot push; raise it to 0 or more"
         yield FileFault(("limits", "force_low_N"), text, code="cannot-push")
-    if len(rig.settings.placed) == 1 and not rig.load < limits.force_high_N:
-        text = f"{limits.force_high_N:g} N do not lift the load of {rig.path}, {rig.load:g} N"
+    if len(rig.settings.body_magnets) == 1 and not rig.static_load < limits.force_high_N:
+        text = (
+            f"{limits.force_high_N:g} N do not lift the load of {rig.path}, {rig.static_load:g} N"
+        )
         yield FileFault(("limits", "force_high_N"), f"{text}; raise it", code="load-not-lifted")
     variant = settings.compensation.variant
-    if variant in PROBED and plant.hall_probe is None:
+    if variant in FLUX_PROBE_METHODS and plant.hall_probe is None:
         text = f'"{variant}" needs the table [hall_probe], {rig.path} has none; add it'
         yield FileFault(("compensation", "variant"), text, code="no-hall-probe")
     yield from _amplifier_faults(settings, rig)
@@ -51,7 +53,7 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
     if not limits.gap_low_m < lowest:
         text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
         yield FileFault(("limits", "gap_low_m"), text, code="gaps-not-covered")
-    step = plant.gap_sensor.step
+    step = plant.gap_sensor.resolution
     if limits.step_m < step:
         text = f"the position sensor of {rig.path} has steps of {step:.4g} m; raise it"
         yield FileFault(("limits", "step_m"), text, code="step-too-fine")
@@ -68,11 +70,11 @@ def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest: float) -> Iter
         ("lift_off", "lifting off", settings.lift_off, lift_time(rig, settings, lowest)),
         ("landing", "landing", settings.landing, land_time(rig, settings)),
     ):
-        if seconds > LONGEST_RAMP_S:
+        if seconds > MAX_RAMP_S:
             forces = settings.limits.force_high_N / ramp.force_rate_N_per_s
             longer = forces > way / ramp.speed_m_per_s
             key = "force_rate_N_per_s" if longer else "speed_m_per_s"
-            text = f"{what} takes {seconds:.4g} s, at most {LONGEST_RAMP_S:g} s are simulated"
+            text = f"{what} takes {seconds:.4g} s, at most {MAX_RAMP_S:g} s are simulated"
             yield FileFault((table, key), f"{text}; raise it", code="too-slow")
 
 
@@ -89,7 +91,7 @@ def _amplifier_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileF
             if getattr(converter, key) != value:
                 text = f"the amplifier of {rig.path} has {value:g}; make them equal"
                 yield FileFault(("converter", key), text, code="differs-from-rig")
-    pair = pair_of(rig)
+    pair = pair_table(rig)
     if settings.pair is not None and pair is None:
         text = f"the magnet of {rig.path} is a single one; take it out"
         yield FileFault(("pair",), text, code="differs-from-rig")

@@ -9,44 +9,44 @@ from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import Scenario
 from anhyst_rigs.rig.recording import (
-    BREAKAWAY,
-    DESCEND,
-    FAULT,
-    HOVER,
-    READY,
-    RISE,
-    RUN,
+    BREAKAWAY_CODE,
+    DESCEND_CODE,
+    FAULT_CODE,
+    HOVER_CODE,
+    READY_CODE,
+    RISE_CODE,
+    RUN_CODE,
     Recording,
     SignalBound,
     find_loss,
 )
 
 
-def lost_at(rig: BodyRig, recording: Recording, since: int = 0) -> float | None:
+def levitation_loss_time(rig: BodyRig, recording: Recording, since: int = 0) -> float | None:
     """Return when levitation was lost: a stop was touched, or the controller gave up."""
     body = rig.settings.body
-    fault = recording["state"] >= FAULT
+    fault = recording["state"] >= FAULT_CODE
     if fault.any():
         since = min(since, int(np.argmax(fault)))
     gap, state = recording["gap_m"][since:], recording["state"][since:]
     bounds = (
         SignalBound("an end stop was reached", gap, body.stop_low_m, body.stop_high_m),
-        SignalBound("the controller gave up", state, RISE - 1, DESCEND + 1),
+        SignalBound("the controller gave up", state, RISE_CODE - 1, DESCEND_CODE + 1),
     )
     loss = find_loss(bounds, planned=len(gap))
     return None if loss is None else float(recording["t_s"][since + loss.tick])
 
 
-_RESTLESS = 0.01
+_MAX_HOVER_RMS_SHARE = 0.01
 """Part of the travel: an armature that moves by more in its hover, rms, is not held."""
 
 
 def levitation_fault(setup: BearingSetup, run: Recording, steps: Scenario) -> str | None:
     """Say why the armature was not held from lift-off to the last step, or None if it was."""
-    rig, lifted, run = setup.rig, steps.lifted, run.part(0, steps.ticks)
+    rig, lifted, run = setup.rig, steps.lift_end_tick, run.slice_ticks(0, steps.ticks)
     gap, time = run["gap_m"], run["t_s"]
-    lost = lost_at(rig, run, lifted)
-    not_lifted = _rejected(setup, run) or _not_lifted(setup, run, lifted)
+    lost = levitation_loss_time(rig, run, lifted)
+    not_lifted = _rejection_failure(setup, run) or _lift_failure(setup, run, lifted)
     if not_lifted is not None:
         return not_lifted
     if lost is None and len(run) < steps.ticks:
@@ -55,7 +55,7 @@ def levitation_fault(setup: BearingSetup, run: Recording, steps: Scenario) -> st
         return f"levitation was lost at {lost:.4f} s: the gains do not hold this bearing"
     body = rig.settings.body
     swing = float(np.std(gap[lifted - lifted // 8 : lifted]))
-    if swing > _RESTLESS * (body.stop_high_m - body.stop_low_m):
+    if swing > _MAX_HOVER_RMS_SHARE * (body.stop_high_m - body.stop_low_m):
         return (
             f"the armature oscillates by {1e6 * swing:.3g} um rms at "
             f"{lifted * rig.dt:.2f} s: the gains do not hold this bearing"
@@ -63,11 +63,11 @@ def levitation_fault(setup: BearingSetup, run: Recording, steps: Scenario) -> st
     return None
 
 
-def _not_lifted(setup: BearingSetup, run: Recording, lifted: int) -> str | None:
+def _lift_failure(setup: BearingSetup, run: Recording, lifted: int) -> str | None:
     """Say what kept the armature from its hover, or None if it rose at all and in time."""
     state, time = run["state"], run["t_s"]
-    if not ((state >= RISE) & (state <= HOVER)).any():
-        faults = state >= FAULT
+    if not ((state >= RISE_CODE) & (state <= HOVER_CODE)).any():
+        faults = state >= FAULT_CODE
         if faults.any():
             force = setup.controller.limits.force_high_N
             return (
@@ -75,23 +75,23 @@ def _not_lifted(setup: BearingSetup, run: Recording, lifted: int) -> str | None:
                 f"{time[np.argmax(faults)]:.4f} s, when {force:g} N were demanded; raise "
                 "force_high_N or lower the load"
             )
-        if (state >= RUN).any():
+        if (state >= RUN_CODE).any():
             return f"the armature had not left its rest at {time[-1]:.4f} s"
         return f"the command to lift was refused, the state is {state[-1]:.0f}"
-    if len(run) > lifted and state[lifted] in (BREAKAWAY, RISE):
+    if len(run) > lifted and state[lifted] in (BREAKAWAY_CODE, RISE_CODE):
         text = f"the armature was still rising at {time[lifted]:.4f} s"
         return f"{text}; raise speed_m_per_s or force_rate_N_per_s of [lift_off]"
     return None
 
 
-def _rejected(setup: BearingSetup, run: Recording) -> str | None:
+def _rejection_failure(setup: BearingSetup, run: Recording) -> str | None:
     """Say whether rejected samples, and no armature out of control, ended the run."""
     implausible = (run["flags"].astype(int) & int(Flag.SAMPLE_IMPLAUSIBLE)) != 0
     missing = setup.controller.safety.max_missing_samples
     # Whether every one of the last samples, and this one, was implausible: the position is lost.
     row = np.convolve(implausible, np.ones(missing + 1), "valid") > missing + 0.5
-    if (run["state"] >= RUN).any():
-        row &= run["state"][missing:] >= FAULT
+    if (run["state"] >= RUN_CODE).any():
+        row &= run["state"][missing:] >= FAULT_CODE
     if not row.any():
         return None
     end = int(np.argmax(row)) + missing
@@ -106,12 +106,12 @@ def _rejected(setup: BearingSetup, run: Recording) -> str | None:
     )
 
 
-def lost_after_steps(rig: BodyRig, run: Recording, begin: int, landing: int) -> list[str]:
+def losses_after_steps(rig: BodyRig, run: Recording, begin: int, landing: int) -> list[str]:
     """Say whether the armature was lost in the load steps or the landing that a recording ends with."""
-    loads, landed = run.part(begin, landing), run.part(landing, len(run))
-    if len(loads) and lost_at(rig, loads) is not None:
+    loads, landed = run.slice_ticks(begin, landing), run.slice_ticks(landing, len(run))
+    if len(loads) and levitation_loss_time(rig, loads) is not None:
         return ["load steps of the recording"]
     hit = landed["gap_m"] <= rig.settings.body.stop_low_m
-    if not len(landed) or landed["state"][-1] != READY or hit.any():
+    if not len(landed) or landed["state"][-1] != READY_CODE or hit.any():
         return ["landing of the recording"]
     return []

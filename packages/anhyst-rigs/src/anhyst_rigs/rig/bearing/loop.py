@@ -8,8 +8,8 @@ from functools import cached_property
 
 from anhyst._core import FixedPosition, LoopController, Position, PositionF32
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.methods import MODELS
-from anhyst.compensate.sources import Operating
+from anhyst.compensate.methods import MODEL_METHODS
+from anhyst.compensate.sources import OperatingRange
 from anhyst.control.controller_file import ControllerFile, ControllerTable, PairTable, error_at_key
 from anhyst.control.position import PositionControl, ReferenceConverter
 from anhyst.data import Loops
@@ -17,12 +17,12 @@ from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.fitting import IdentifiedMagnet, calibrated, fit_at
+from anhyst_rigs.rig.fitting import IdentifiedMagnet, calibrate_magnet, fit_compensators
 from anhyst_rigs.rig.loop import Setup
 from anhyst_rigs.rig.recording import COLUMNS
 
 
-def pair_of(rig: BodyRig) -> PairTable | None:
+def pair_table(rig: BodyRig) -> PairTable | None:
     """Return what a controller has to know of a second magnet, or None where there is none."""
     bias, total = rig.settings.bias_N, rig.settings.gap_total_m
     if bias is None or total is None:
@@ -30,14 +30,14 @@ def pair_of(rig: BodyRig) -> PairTable | None:
     return PairTable(bias_force_N=bias, gap_total_m=total)
 
 
-_CLASSES = {"f64": Position, "f32": PositionF32, "fixed": FixedPosition}
+_CONTROLLER_CLASSES = {"f64": Position, "f32": PositionF32, "fixed": FixedPosition}
 
 
 @dataclass(frozen=True)
 class BearingSetup(Setup):
     """All that a run of a bearing needs."""
 
-    recorded = COLUMNS
+    recorded_columns = COLUMNS
     controller: ControllerTable  # gains, limits, lift-off
 
     @cached_property
@@ -49,15 +49,15 @@ class BearingSetup(Setup):
             ReferenceConverter(
                 amplifier.current_low_A, amplifier.current_high_A, amplifier.dac_bits
             ),
-            pair_of(self.rig),
+            pair_table(self.rig),
             parameters.flux_full_scale,
         )
 
     def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
         """Return the controller, just switched on."""
         number_format, control = self.compensator.format, self.position_control
-        natives = [drive.native for drive in drives or self.fresh()]
-        controller: LoopController = _CLASSES[number_format](
+        natives = [drive.native for drive in drives or self.make_compensators()]
+        controller: LoopController = _CONTROLLER_CLASSES[number_format](
             control.gains(number_format), natives, dict(control.settings(number_format))
         )
         return controller
@@ -72,15 +72,15 @@ def make_setup(
 ) -> BearingSetup:
     """Fit one variant to what is known, and to what motion taught of it, behind the controller."""
     magnets = calibrated_magnets(rig, magnet, variant)
-    each = fit_magnets(rig, controller, magnets, variant, number_format)
+    each = fit_bearing_compensators(rig, controller, magnets, variant, number_format)
     chosen = controller.compensation.model_copy(
         update={"variant": variant, "format": number_format}
     )
     behind = controller.model_copy(update={"compensation": chosen})
-    return BearingSetup(rig, each[0], behind, own=tuple(each) if len(each) > 1 else ())
+    return BearingSetup(rig, each[0], behind, own_compensators=tuple(each) if len(each) > 1 else ())
 
 
-def fit_magnets(
+def fit_bearing_compensators(
     rig: BodyRig,
     controller: ControllerTable,
     magnets: Sequence[IdentifiedMagnet],
@@ -89,7 +89,7 @@ def fit_magnets(
 ) -> list[ForceController]:
     """Fit one variant to what is known of each magnet."""
     where = operating_point(rig, controller, *(magnet.loops for magnet in magnets))
-    return fit_at(rig, where, magnets, variant, number_format)
+    return fit_compensators(rig, where, magnets, variant, number_format)
 
 
 def calibrated_magnets(
@@ -100,21 +100,24 @@ def calibrated_magnets(
     The second magnet's gap is what is left of both: it is read too small by what the first one's is
     read too large.
     """
-    calibration = rig.learnt(variant)
-    if calibration is None or not calibration.taken:
+    calibration = rig.method_calibration(variant)
+    if calibration is None or not calibration.is_applied:
         return [magnet]
-    widths, zero = calibration.widths(len(rig.settings.placed)), calibration.value("gap_zero_m")
+    widths, zero = (
+        calibration.width_changes(len(rig.settings.body_magnets)),
+        calibration.value("gap_zero_m"),
+    )
     # one range of gaps for both of a pair
     over = 2.0 * abs(zero) if len(widths) > 1 else 0.0
     return [
-        calibrated(
+        calibrate_magnet(
             magnet, calibration.value(f"scale_{number + 1}"), (zero, -zero)[number], wider, over
         )
         for number, wider in enumerate(widths)
     ]
 
 
-def compiled_model(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName) -> Model:
+def model_to_compile(rig: BodyRig, magnet: IdentifiedMagnet, variant: MethodName) -> Model:
     """Return the model of which a block is compiled: with what motion taught of it."""
     magnets = calibrated_magnets(rig, magnet, variant)
     if len(magnets) > 1:
@@ -137,11 +140,13 @@ def make_setups(
     table = controller.settings
     setups = {}
     for variant in variants:
-        modelled = variant in MODELS and controller.model is not None
+        modelled = variant in MODEL_METHODS and controller.model is not None
         try:
             setups[variant] = make_setup(rig, table, magnet, variant, table.compensation.format)
         except InputError as error:
-            raise error.at(controller.model if modelled else rig.measured.text) from error
+            raise error.with_location(
+                controller.model if modelled else rig.measured_loops.description
+            ) from error
         with error_at_key(controller):  # where it fits neither its compensator nor its format
             control = setups[variant].position_control
             control.gains(table.compensation.format)
@@ -149,13 +154,13 @@ def make_setups(
     return setups
 
 
-def operating_point(rig: BodyRig, controller: ControllerTable, *loops: Loops) -> Operating:
+def operating_point(rig: BodyRig, controller: ControllerTable, *loops: Loops) -> OperatingRange:
     """Return where a bearing works, over all loops: each magnet of a pair around its bias."""
-    pair = pair_of(rig)
+    pair = pair_table(rig)
     measured = [gap for loop in loops for gap in loop.by_schedule() if gap is not None]
-    return Operating(
+    return OperatingRange(
         gap=rig.settings.gap_m,
-        force=rig.load if pair is None else pair.bias_force_N,
+        force=rig.static_load if pair is None else pair.bias_force_N,
         rate=controller.rate_Hz,
         gap_range=controller.working_gaps(pair, (min(measured), max(measured))),
         force_max=controller.force_max(pair),

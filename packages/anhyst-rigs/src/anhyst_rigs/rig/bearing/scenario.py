@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from anhyst.control.controller_file import ControllerTable
-from anhyst.support.numeric import FloatArray, passed, sine
+from anhyst.support.numeric import FloatArray, first_order_share, sine
 from anhyst.support.states import Command
 from anhyst_rigs.rig.body import BodyRig, step_ends
 from anhyst_rigs.rig.loop import ReferenceStep, Scenario
@@ -18,17 +18,19 @@ from anhyst_rigs.rig.tables import DisturbanceTable
 SELFTEST_TICKS = 25
 """Until the self-test has passed: plausible samples that it counts, and a few that fill filters."""
 
-LEAST_LIFT_S = 0.45
+MIN_LIFT_S = 0.45
 """Least time from power on until the armature counts as hanging still, s."""
 
-LEAST_LAND_S = 0.5
+MIN_LAND_S = 0.5
 """Least time from the command to land until the armature counts as landed, s."""
 
 _SELFTEST_S = 0.005
 _REST_S = 0.1  # the last current falls to zero
-_SETTLE_S = 0.07
-_MOST_SETTLE_S = 1.0
-_SETTLE = 10.0  # times K_p/K_i, the time in which the integral takes over what is left
+_MIN_SETTLE_S = 0.07
+_MAX_SETTLE_S = 1.0
+_SETTLE_INTEGRAL_TIMES = (
+    10.0  # times K_p/K_i, the time in which the integral takes over what is left
+)
 
 
 @dataclass
@@ -43,14 +45,14 @@ class ScenarioBuilder:
     _inject: list[FloatArray] = field(default_factory=list)
     _marks: list[tuple[int, int]] = field(default_factory=list)
     _steps: list[ReferenceStep] = field(default_factory=list)
-    _lifted: int = 0
+    _lift_end_tick: int = 0
     ticks: int = 0
 
     def __post_init__(self) -> None:
         if self.load is None:
             self.load = self.rig.settings.load.force_N
 
-    def count(self, seconds: float) -> int:
+    def tick_count(self, seconds: float) -> int:
         """Return the ticks of a time."""
         return max(round(seconds * self.rig.settings.timing.rate_Hz), 1)
 
@@ -64,16 +66,16 @@ class ScenarioBuilder:
 
         Commands come after the self-test, which counts ticks and no seconds.
         """
-        end = self.ticks + self.count(lift_time(self.rig, controller, self.gap))
-        self._add(np.full(_selftest(self.rig), self.gap), None)
+        end = self.ticks + self.tick_count(lift_time(self.rig, controller, self.gap))
+        self._add(np.full(_selftest_ticks(self.rig), self.gap), None)
         self.command(Command.DEMAGNETISED).hold(0.001).command(Command.LIFT)
         self._add(np.full(end - self.ticks, self.gap), None)
-        self._lifted = self.ticks
+        self._lift_end_tick = self.ticks
         return self
 
     def hold(self, seconds: float, inject: FloatArray | None = None) -> ScenarioBuilder:
         """Let time pass, perhaps with something added to the sensor."""
-        count = self.count(seconds) if inject is None else inject.size
+        count = self.tick_count(seconds) if inject is None else inject.size
         return self._add(np.full(count, self.gap), inject)
 
     def step(self, gap: float, seconds: float) -> ScenarioBuilder:
@@ -108,29 +110,29 @@ class ScenarioBuilder:
             command[tick] |= value
         disturbed = np.concatenate(self._load)
         for number, disturbance in enumerate(self.rig.settings.load.disturbance):
-            disturbed = disturbed + _disturbance(self.rig, disturbance, self.ticks, number)
+            disturbed = disturbed + _disturbance_force(self.rig, disturbance, self.ticks, number)
         return Scenario(
             target=np.concatenate(self._target),
             load=disturbed,
             inject=np.concatenate(self._inject),
             command=command,
             steps=tuple(self._steps),
-            lifted=self._lifted,
+            lift_end_tick=self._lift_end_tick,
         )
 
 
 def lift_time(rig: BodyRig, controller: ControllerTable, gap: float) -> float:
     """Return how long self-test, ramp of the force, way and settling take at most, s."""
     gains, ramp = controller.pidd2_gains(), controller.lift_off
-    settle = _SETTLE_S
+    settle = _MIN_SETTLE_S
     if gains.K_i > 0.0:
-        settle = max(settle, min(_SETTLE * gains.K_p / gains.K_i, _MOST_SETTLE_S))
+        settle = max(settle, min(_SETTLE_INTEGRAL_TIMES * gains.K_p / gains.K_i, _MAX_SETTLE_S))
     # A drive that makes less force than it is asked for leaves the rest late, but no later than
     # at the largest demand: with more the controller says that it does not lift.
     force = controller.limits.force_high_N / ramp.force_rate_N_per_s
     way = max(rig.settings.body.stop_high_m - gap, 0.0) / ramp.speed_m_per_s
-    begin = _selftest(rig) * rig.dt + max(0.001, rig.dt)
-    return max(begin + force + way + settle, LEAST_LIFT_S)
+    begin = _selftest_ticks(rig) * rig.dt + max(0.001, rig.dt)
+    return max(begin + force + way + settle, MIN_LIFT_S)
 
 
 def land_time(rig: BodyRig, controller: ControllerTable) -> float:
@@ -139,14 +141,14 @@ def land_time(rig: BodyRig, controller: ControllerTable) -> float:
     limits = controller.limits
     way = (body.stop_high_m - body.stop_low_m) / ramp.speed_m_per_s
     force = (limits.force_high_N - min(limits.force_low_N, 0.0)) / ramp.force_rate_N_per_s
-    return max(way + force + _REST_S, LEAST_LAND_S)
+    return max(way + force + _REST_S, MIN_LAND_S)
 
 
-def _selftest(rig: BodyRig) -> int:
+def _selftest_ticks(rig: BodyRig) -> int:
     return max(round(_SELFTEST_S / rig.dt), SELFTEST_TICKS)
 
 
-def steps_up_and_down(
+def plan_steps(
     rig: BodyRig,
     controller: ControllerTable,
     gap: float,
@@ -159,17 +161,17 @@ def steps_up_and_down(
     script = ScenarioBuilder(rig, gap, load).lift_off(controller)
     for height in heights:
         lower, upper = step_ends(gap, height)
-        script.follow(np.linspace(script.gap, lower, script.count(hold / 2.0))).hold(hold)
+        script.follow(np.linspace(script.gap, lower, script.tick_count(hold / 2.0))).hold(hold)
         script.step(upper, hold).step(lower, hold)
     if rest > 0.0:
         script.hold(rest)
     return script.build()
 
 
-def parts_of_run(rig: BodyRig, controller: ControllerTable) -> tuple[Scenario, Scenario, int]:
+def plan_recorded_run(rig: BodyRig, controller: ControllerTable) -> tuple[Scenario, Scenario, int]:
     """Return the run that a simulation records: lift-off and steps; then loads and a landing."""
     cases, load = rig.settings, rig.settings.load.force_N
-    steps = steps_up_and_down(rig, controller, cases.gap_m, cases.step.heights_m)
+    steps = plan_steps(rig, controller, cases.gap_m, cases.step.heights_m)
     script = ScenarioBuilder(rig, float(steps.target[-1]))
     for step in cases.load_steps_N:
         script.set_load(load + step).hold(0.15).set_load(load).hold(0.15)
@@ -178,7 +180,7 @@ def parts_of_run(rig: BodyRig, controller: ControllerTable) -> tuple[Scenario, S
     return steps, script.build(), landing
 
 
-def _disturbance(rig: BodyRig, what: DisturbanceTable, ticks: int, number: int) -> FloatArray:
+def _disturbance_force(rig: BodyRig, what: DisturbanceTable, ticks: int, number: int) -> FloatArray:
     time = np.arange(ticks) * rig.dt - what.start_s
     after = time >= 0.0
     if what.kind == "step":
@@ -189,7 +191,7 @@ def _disturbance(rig: BodyRig, what: DisturbanceTable, ticks: int, number: int) 
         return wave
     from scipy.signal import lfilter  # slow to load, and rarely used
 
-    share = passed(2.0 * math.pi * what.frequency_Hz * rig.dt)
+    share = first_order_share(2.0 * math.pi * what.frequency_Hz * rig.dt)
     white = np.random.default_rng([rig.settings.seed, 99, number]).standard_normal(ticks)
     coloured = lfilter([share], [1.0, share - 1.0], white)
     # A low-pass of first order leaves share/(2 - share) of the power of white noise.

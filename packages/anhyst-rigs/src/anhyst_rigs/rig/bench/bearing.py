@@ -33,22 +33,22 @@ from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst_rigs.rig.bench.protocol import (
     BEARING_COMMANDS,
-    Aim,
+    DemandRange,
     Knobs,
     Parameter,
     Signal,
-    currents_of,
+    current_signals,
 )
 from anhyst_rigs.rig.bench.settings import (
     ControllerSettings,
     check_values,
-    expect_amplifier,
     position_settings,
+    set_expected_amplifier,
 )
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import ClosedLoop, Scenario
-from anhyst_rigs.rig.plant import current_loops, make_plant
-from anhyst_rigs.rig.recording import Recording, column
+from anhyst_rigs.rig.plant import current_controllers, make_plant
+from anhyst_rigs.rig.recording import Recording, column_name
 
 
 class LoadDrive:
@@ -59,7 +59,7 @@ class LoadDrive:
         self.force = load.force_N
         self._bearing = bearing
         self._dt = rig.dt
-        self._since = 0  # tick of the disturbance's phase zero
+        self._phase_zero_tick = 0  # tick of the disturbance's phase zero
         # Rendered by a drive that is late: beyond a part of its bandwidth it would shake by itself.
         damping = mass * 2.0 * math.pi * load.velocity_bandwidth_Hz / 4.0
         stiffness = mass * (2.0 * math.pi * load.bandwidth_Hz / 10.0) ** 2
@@ -82,7 +82,7 @@ class LoadDrive:
         """Put values in force from a tick on; what is no parameter of it is left alone."""
         self._knobs.apply(values)
         if "disturbance_frequency" in values:
-            self._since = tick
+            self._phase_zero_tick = tick
         self._bearing.set_load(self._knobs["load_damping"], self._knobs["load_stiffness"])
 
     def forces(self, first: int, ticks: int) -> FloatArray:
@@ -90,13 +90,13 @@ class LoadDrive:
         amplitude = self._knobs["disturbance_force"]
         if amplitude == 0.0:
             return np.full(ticks, self.force)
-        numbers = np.arange(first - self._since, first - self._since + ticks)
+        numbers = np.arange(first - self._phase_zero_tick, first - self._phase_zero_tick + ticks)
         turns = self._knobs["disturbance_frequency"] * self._dt * numbers
         wave: FloatArray = self.force + amplitude * sine(turns)
         return wave
 
 
-_OF_PLANT = {
+_PLANT_SIGNALS = {
     "gap_m": Signal("gap", "m", "true gap"),
     "gap_read_m": Signal("gap_read", "m", "gap as its sensor says"),
     "velocity_m_per_s": Signal("velocity", "m/s", "true, of the gap"),
@@ -104,15 +104,15 @@ _OF_PLANT = {
     "demand_N": Signal("demand", "N", "net force that the controller wants"),
     "force_N": Signal("force", "N", "true net force of the magnets"),
     "load_N": Signal("load", "N", "true force of the load drive"),
-    **currents_of(1, 1),
+    **current_signals(1, 1),
     "current_read_A": Signal("current_read", "A", "the same as its sensor says"),
     "voltage_V": Signal("voltage", "V", "at the first winding"),
     "flux_Wb": Signal("flux", "Wb", "linked with the first winding"),
     "flux_density_T": Signal("flux_density", "T", "in the gap of the first magnet"),
-    **currents_of(2, POSITION_MAGNETS),
+    **current_signals(2, POSITION_MAGNETS),
 }
 """Columns of a simulated loop, and what they are called here."""
-_OF_FIRMWARE = (
+_FIRMWARE_SIGNALS = (
     Signal("expected", "N", "force that the first magnet's model expects after the tick"),
     Signal("model_flux", "", "flux of this model, as a fraction of its full scale"),
     Signal("state", "", "of the controller: State of anhyst.support.states"),
@@ -121,46 +121,57 @@ _OF_FIRMWARE = (
     Signal("flags", "", "what was in the way: Flag"),
 )
 """Signals that the controller alone knows."""
-_FULL = ("gap_middle", "position_full", "current_full", "demand_full", "load_full", "flux_full")
-_STATE = 1 + len(_OF_PLANT) + [signal.name for signal in _OF_FIRMWARE].index("state")
+_FULL_SCALE_NAMES = (
+    "gap_middle",
+    "position_full",
+    "current_full",
+    "demand_full",
+    "load_full",
+    "flux_full",
+)
+_STATE_COLUMN = (
+    1 + len(_PLANT_SIGNALS) + [signal.name for signal in _FIRMWARE_SIGNALS].index("state")
+)
 """In rows of a bench; the fault stands two places behind the state."""
-_WORD = {field.name: at for at, field in enumerate(fields(PlantDrive))}
-_Tick = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
+_WORD_INDEX = {field.name: at for at, field in enumerate(fields(PlantDrive))}
+_TickFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
 
 
 class BusTap:
     """A firmware on any board, whose samples may be changed or kept from it."""
 
     def __init__(self, exchange: Exchange) -> None:
-        self.shown: Callable[[PlantSample], PlantSample] | None = None  # what sensors say instead
-        self.missed = 0  # ticks that the firmware does not see from now on
-        self.exchange, self._call = exchange, _Tick(self._pass)
-        self._last = PlantDrive(*(0 for _ in fields(PlantDrive)))
+        self.change_sample: Callable[[PlantSample], PlantSample] | None = (
+            None  # what sensors say instead
+        )
+        self.ticks_to_skip = 0  # ticks that the firmware does not see from now on
+        self.exchange, self._call = exchange, _TickFunction(self._exchange_tick)
+        self._last_answer = PlantDrive(*(0 for _ in fields(PlantDrive)))
 
     @property
     def tick(self) -> tuple[int, int]:
         """Addresses of a function of a tick and of no memory, for `anhyst._core.BusController`."""
         return ctypes.cast(self._call, ctypes.c_void_p).value or 0, 0
 
-    def _pass(self, memory: int | None, sample: int, drive: int) -> None:
+    def _exchange_tick(self, memory: int | None, sample: int, drive: int) -> None:
         del memory  # the firmware's own is behind the exchange
         ctypes.memset(drive, 0, PlantDrive.FIXED.size)  # no answer
         words = ctypes.string_at(sample, PlantSample.FIXED.size)
         seen = PlantSample(*PlantSample.FIXED.unpack(words))
-        if self.missed:
-            self.missed -= 1
-            self._last = replace(self._last, tick=seen.tick)
+        if self.ticks_to_skip:
+            self.ticks_to_skip -= 1
+            self._last_answer = replace(self._last_answer, tick=seen.tick)
         else:
-            shown = seen if self.shown is None else self.shown(seen)
+            shown = seen if self.change_sample is None else self.change_sample(seen)
             try:
-                self._last = self.exchange(shown)
+                self._last_answer = self.exchange(shown)
             except (OSError, ValueError):
                 return  # the loop sees that none came
-        answer = self._last.FIXED.pack(*vars(self._last).values())
+        answer = self._last_answer.FIXED.pack(*vars(self._last_answer).values())
         ctypes.memmove(drive, answer, len(answer))
 
 
-class _Unplugged:
+class _NoPlant:
     """What the bus of a board leads to whose plant is computed in a loop."""
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
@@ -174,12 +185,12 @@ class BearingBench(LockStepBench):
     :data:`anhyst_rigs.link.virtual_boards.VIRTUAL_BOARDS`; its heartbeat counts ticks.
     """
 
-    signals = (*_OF_PLANT.values(), *_OF_FIRMWARE)
+    signals = (*_PLANT_SIGNALS.values(), *_FIRMWARE_SIGNALS)
     commands = BEARING_COMMANDS
     _bus: BusController
     state, fault = State.INIT, Fault.NONE  # of the controller after the last tick
     gap = math.nan  # m, at the last tick
-    beats = True  # whether its operator says that he is there
+    sends_heartbeat = True  # whether its operator says that he is there
 
     def __init__(
         self, setup: BearingSetup, firmware: Path, board: str = "", bearing: Plant | None = None
@@ -190,39 +201,45 @@ class BearingBench(LockStepBench):
         self.bearing = bearing or make_plant(rig, 0)
         self.load_drive = LoadDrive(rig, self.bearing)
         limits, gap = setup.controller.limits, rig.settings.gap_m
-        self.aim = Aim("gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap)
-        self.load_most, self.rest_load = limits.force_high_N, rig.settings.load.force_N
-        self._target: int | None = None
-        self._open = ExitStack()
+        self.demand_range = DemandRange(
+            "gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap
+        )
+        self.max_load, self.rest_load = limits.force_high_N, rig.settings.load.force_N
+        self._target_code: int | None = None
+        self._resources = ExitStack()
         try:
             source: LibraryBoard | BusTap
             port: str | LinkPort
             if board:
-                running = self._open.enter_context(VIRTUAL_BOARDS[board](firmware, _Unplugged()))
+                running = self._resources.enter_context(VIRTUAL_BOARDS[board](firmware, _NoPlant()))
                 self.tap = source = BusTap(running.bus.exchange)
                 port = running.link
             else:
                 port = source = LibraryBoard(firmware)
-                self._open.callback(source.switch_off)
-            self.link = self._open.enter_context(ControllerLink(port))
+                self._resources.callback(source.switch_off)
+            self.link = self._resources.enter_context(ControllerLink(port))
             self._heartbeat = Heartbeat(self.link)
             slew = rig.settings.amplifier.supply / rig.settings.magnet.poles.inductance(gap)
-            expect_amplifier(self.link, rig.settings, slew, self._scales["current_full"])
+            set_expected_amplifier(self.link, rig.settings, slew, self._scales["current_full"])
             pidd2 = setup.controller.pidd2()
             gains = pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd
             self._settings = ControllerSettings(self.link, position_settings(gains))
-            self._bus = BusController(*source.tick, {name: self._scales[name] for name in _FULL})
-            self._open.callback(self._bus.end)
-            self._loop = ClosedLoop(self.bearing, self._bus, current_loops(rig), tuple(_OF_PLANT))
+            self._bus = BusController(
+                *source.tick, {name: self._scales[name] for name in _FULL_SCALE_NAMES}
+            )
+            self._resources.callback(self._bus.end)
+            self._loop = ClosedLoop(
+                self.bearing, self._bus, current_controllers(rig), tuple(_PLANT_SIGNALS)
+            )
             self.demand(gap)
         except BaseException:
-            self._open.close()
+            self._resources.close()
             raise
 
     def advance(self, ticks: int) -> FloatArray:
         """Compute some ticks, one after the other."""
         load = self.load_drive.forces(self.tick + 1, ticks)
-        return self._pass(Scenario(np.zeros(ticks), load))
+        return self._run_with_heartbeat(Scenario(np.zeros(ticks), load))
 
     def step(self) -> dict[str, float]:
         """Go on by one tick, and return what is measured, by the names of signals."""
@@ -242,19 +259,19 @@ class BearingBench(LockStepBench):
             if command is not Command.NONE:
                 self.command(command)
             self.demand(float(scenario.target[begin]))
-            rows.append(self._pass(scenario.part(begin, end)))
+            rows.append(self._run_with_heartbeat(scenario.slice_ticks(begin, end)))
             if progress is not None:
                 progress(end, scenario.ticks)
-        own = [column(signal.name, signal.unit) for signal in _OF_FIRMWARE]
-        return Recording.of_table(np.concatenate(rows), ["tick", *_OF_PLANT, *own])
+        own = [column_name(signal.name, signal.unit) for signal in _FIRMWARE_SIGNALS]
+        return Recording.from_table(np.concatenate(rows), ["tick", *_PLANT_SIGNALS, *own])
 
-    def _pass(self, scenario: Scenario) -> FloatArray:
+    def _run_with_heartbeat(self, scenario: Scenario) -> FloatArray:
         """Let a scenario happen without its targets and commands, with the signs of life it needs."""
         parts, begin = [], 0
         while begin < scenario.ticks:
             left = scenario.ticks - begin
-            count = self._heartbeat.let_pass(left) if self.beats else left
-            parts.append(self._run(scenario.part(begin, begin + count)))
+            count = self._heartbeat.count_ticks(left) if self.sends_heartbeat else left
+            parts.append(self._run(scenario.slice_ticks(begin, begin + count)))
             begin += count
         return np.concatenate(parts)
 
@@ -264,19 +281,22 @@ class BearingBench(LockStepBench):
         if len(run) < scenario.ticks:
             raise InputError(f"the controller did not answer tick {self.tick}", code="no-answer")
         numbers = np.arange(first, first + len(run), dtype=np.float64)
-        rows = np.column_stack((numbers, run.table, self._of_firmware(self._bus.take())))
+        rows = np.column_stack((numbers, run.table, self._firmware_columns(self._bus.take())))
         self.gap = float(run["gap_m"][-1])
-        self.state, self.fault = State(int(rows[-1, _STATE])), Fault(int(rows[-1, _STATE + 2]))
+        self.state, self.fault = (
+            State(int(rows[-1, _STATE_COLUMN])),
+            Fault(int(rows[-1, _STATE_COLUMN + 2])),
+        )
         return rows
 
-    def _of_firmware(self, words: NDArray[np.uint32]) -> FloatArray:
+    def _firmware_columns(self, words: NDArray[np.uint32]) -> FloatArray:
         """Return what answers of the firmware say, column by column as the signals name them."""
         signed = words.view(np.int32).astype(np.float64)
-        state, mode = words[:, _WORD["state"]], words[:, _WORD["mode"]]
+        state, mode = words[:, _WORD_INDEX["state"]], words[:, _WORD_INDEX["mode"]]
         return np.column_stack(
             (
-                signed[:, _WORD["expected"]] / Q31 * self._scales["demand_full"],
-                signed[:, _WORD["flux"]] / Q30,
+                signed[:, _WORD_INDEX["expected"]] / Q31 * self._scales["demand_full"],
+                signed[:, _WORD_INDEX["flux"]] / Q30,
                 state & 0xFF,
                 mode >> 16,
                 state >> 8 & 0xFF,
@@ -293,9 +313,9 @@ class BearingBench(LockStepBench):
         """Demand a gap, m."""
         part = (self._scales["gap_middle"] - value) / self._scales["position_full"]
         code = max(-(1 << 31), min((1 << 31) - 1, math.floor(part * Q31 + 0.5)))
-        if code != self._target:
+        if code != self._target_code:
             self.link.request(TargetRequest(code), StatusAnswer)
-            self._target = code
+            self._target_code = code
             self._heartbeat.restart()
 
     def load(self, force: float) -> None:
@@ -309,7 +329,7 @@ class BearingBench(LockStepBench):
     def apply(self, values: Mapping[str, float]) -> int:
         """Put parameters in force together, from the next tick on."""
         check_values(values, self.parameters())
-        self._settings.write(values, runs=True)
+        self._settings.write(values, is_running=True)
         self._heartbeat.restart()
         self.load_drive.apply(values, self.tick + 1)
         return self.tick + 1

@@ -8,11 +8,11 @@ import numpy as np
 
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.recording import Recording, column
-from anhyst_rigs.rig.stage.geometry import heads_of, pull_rows, scan_direction, travel_m
+from anhyst_rigs.rig.recording import Recording, column_name
+from anhyst_rigs.rig.stage.geometry import head_lines, magnet_rows, scan_direction, travel_m
 
 
-def layout_of(file: RigFile) -> dict[str, Any]:
+def body_layout(file: RigFile) -> dict[str, Any]:
     """Return where magnets and heads are; `see` takes by how much gaps are smaller to a pose."""
     return {
         "free": list(file.body.free),
@@ -26,14 +26,14 @@ def layout_of(file: RigFile) -> dict[str, Any]:
                 "direction": one.direction,
                 "gap": one.gap_m or file.gap_m,
             }
-            for one in file.placed
+            for one in file.body_magnets
         ],
-        "heads": [{"at": at, "direction": direction} for at, direction in heads_of(file)],
-        "see": np.linalg.pinv(pull_rows(file)).tolist(),
+        "heads": [{"at": at, "direction": direction} for at, direction in head_lines(file)],
+        "see": np.linalg.pinv(magnet_rows(file)).tolist(),
     }
 
 
-def lying(file: RigFile, place: float) -> dict[str, float]:
+def resting_values(file: RigFile, place: float) -> dict[str, float]:
     """Return what a bench reads where weight pulls the body down, or at the low end of its way."""
     free = file.body.free
     along, down = scan_direction(file), np.array([float(axis == "z") for axis in free])
@@ -44,17 +44,22 @@ def lying(file: RigFile, place: float) -> dict[str, float]:
     values |= {f"error_{axis}": -one for axis, one in zip(free, off.tolist(), strict=True)}
     pose = zip(free, (place * along + off).tolist(), strict=True)
     values |= {f"pose_read_{axis}": one for axis, one in pose}
-    nearer = (pull_rows(file) @ off).tolist()
-    for number, (magnet, by) in enumerate(zip(file.placed, nearer, strict=True), 1):
+    nearer = (magnet_rows(file) @ off).tolist()
+    for number, (magnet, by) in enumerate(zip(file.body_magnets, nearer, strict=True), 1):
         gap = (magnet.gap_m or 0.0) - by
-        values |= {column(name, "", number): gap for name in ("gap", "gap_read")}
+        values |= {column_name(name, "", number): gap for name in ("gap", "gap_read")}
     return values
 
 
-def pulls(file: RigFile, run: Recording) -> dict[str, FloatArray]:
+def magnet_pulls(file: RigFile, run: Recording) -> dict[str, FloatArray]:
     """Return what each magnet pulls with in a loop's own record."""
     forces, poles = {}, file.magnet.poles
-    for number, magnet in enumerate(file.placed, 1):
-        density, gap = run[column("flux_density", "T", number)], run[column("gap", "m", number)]
-        forces[column("pull", "N", number)] = poles.pull(density, gap, magnet.gap_m or file.gap_m)
+    for number, magnet in enumerate(file.body_magnets, 1):
+        density, gap = (
+            run[column_name("flux_density", "T", number)],
+            run[column_name("gap", "m", number)],
+        )
+        forces[column_name("pull", "N", number)] = poles.pull_force(
+            density, gap, magnet.gap_m or file.gap_m
+        )
     return forces

@@ -11,25 +11,25 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.support.block_layout import PLACES
-from anhyst.support.block_words import CRC_AT
+from anhyst.support.block_layout import WORD_INDEX
+from anhyst.support.block_words import CRC_INDEX
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Fault, State
 from anhyst_rigs.link.frames import Body
 from anhyst_rigs.link.virtual_boards import Q30, Q31
 from anhyst_rigs.link.xcp import XcpMaster
-from anhyst_rigs.rig.bench.protocol import Aim, Signal
+from anhyst_rigs.rig.bench.protocol import DemandRange, Signal
 from anhyst_rigs.rig.bench.settings import (
     ControllerSettings,
-    KnownSetting,
+    SettingSpec,
     force_settings,
     heartbeat_setting,
     position_settings,
 )
-from anhyst_rigs.rig.recording import column
+from anhyst_rigs.rig.recording import column_name
 
-_RESERVED = -(1 << 31)
+_NO_VALUE_CODE = -(1 << 31)
 """Code of a sensor that had no value."""
 
 
@@ -49,39 +49,39 @@ class BoardColumns:
         force, rate = body is Body.FORCE, float(manifest["rate_Hz"])
         columns = _force_columns(manifest) if force else _position_columns(manifest)
         known = [one for one in columns if one.source in sources]
-        self._code: float
+        self._codes_per_unit: float
         self.signals = tuple(one.signal for one in known)
-        self._from = [1 + sources.index(one.source) for one in known]
+        self._source_columns = [1 + sources.index(one.source) for one in known]
         self._slopes = np.array([one.slope for one in known])
         self._offsets = np.array([one.offset for one in known])
         signals = manifest["signals"]
         if force:
             demand = signals["demand"]["scale"]
             low, high = manifest["limits"]["demand"]
-            self._aim = Aim("force", "demand", "N", low, high, 0.0)
-            self._code, self._zero = Q31 / demand, 0.0
+            self._demand_range = DemandRange("force", "demand", "N", low, high, 0.0)
+            self._codes_per_unit, self._zero = Q31 / demand, 0.0
             own = force_settings(demand, signals["current"]["scale"], rate)
         else:
             position = manifest["controller"]["signals"]["position"]
             low, high = position["low_gap"], position["high_gap"]
-            self._aim = Aim("gap", "reference", "m", low, high, 0.0)
-            self._code, self._zero = -Q31 / position["scale"], position["zero_gap"]
+            self._demand_range = DemandRange("gap", "reference", "m", low, high, 0.0)
+            self._codes_per_unit, self._zero = -Q31 / position["scale"], position["zero_gap"]
             own = position_settings(tuple(manifest["controller"]["gains"].values()))
-        self.settings: tuple[KnownSetting, ...] = (*own, heartbeat_setting(rate))
+        self.settings: tuple[SettingSpec, ...] = (*own, heartbeat_setting(rate))
 
     def values(self, codes: NDArray[np.int64]) -> FloatArray:
         """Return rows of tick and signals for rows of tick and codes."""
-        mine = codes[:, self._from]
-        values = np.where(mine == _RESERVED, np.nan, mine * self._slopes + self._offsets)
+        mine = codes[:, self._source_columns]
+        values = np.where(mine == _NO_VALUE_CODE, np.nan, mine * self._slopes + self._offsets)
         return np.column_stack((codes[:, 0].astype(np.float64), values))
 
-    def aim(self, code: int) -> Aim:
+    def demand_range(self, code: int) -> DemandRange:
         """Return what may be demanded, with what is: q31 of full scale."""
-        return self._aim._replace(value=float(code / self._code + self._zero))
+        return self._demand_range._replace(value=float(code / self._codes_per_unit + self._zero))
 
-    def code(self, value: float) -> int:
+    def demand_code(self, value: float) -> int:
         """Return a force, N, or a gap, m, as a controller takes it: q31 of full scale."""
-        code = round((value - self._zero) * self._code)
+        code = round((value - self._zero) * self._codes_per_unit)
         return max(-int(Q31), min(int(Q31) - 1, code))
 
 
@@ -94,8 +94,8 @@ def _force_columns(manifest: Mapping[str, Any]) -> tuple[_Column, ...]:
         _Column(Signal("gap", "m", "as its sensor says"), "gap", span / Q30, gap["low"]),
         _Column(Signal("demand", "N", "force demanded, in force"), "demand", force / Q31),
         _Column(Signal("force", "N", "as its sensor says"), "force", force / Q30),
-        *_currents(current),
-        *_of_any(force),
+        *_current_columns(current),
+        *_common_columns(force),
     )
 
 
@@ -108,22 +108,28 @@ def _position_columns(manifest: Mapping[str, Any]) -> tuple[_Column, ...]:
         _Column(Signal("gap", "m", "as its sensor says"), "position", slope, zero),
         _Column(Signal("reference", "m", "gap controlled to"), "reference", slope, zero),
         _Column(Signal("demand", "N", "force that the controller wants"), "demand", force / Q31),
-        *(one for number in range(controller["magnets"]) for one in _currents(current, number + 1)),
-        *_of_any(manifest["signals"]["demand"]["scale"]),
+        *(
+            one
+            for number in range(controller["magnets"])
+            for one in _current_columns(current, number + 1)
+        ),
+        *_common_columns(manifest["signals"]["demand"]["scale"]),
         _Column(Signal("phase", "", "what the currents do: Phase"), "phase", 1.0),
     )
 
 
-def _currents(full: float, number: int = 1) -> tuple[_Column, ...]:
+def _current_columns(full: float, number: int = 1) -> tuple[_Column, ...]:
     of = f", of magnet {number}" if number > 1 else ""
-    read, asked, driven = (column(name, "", number) for name in ("current", "command", "drive"))
+    read, asked, driven = (
+        column_name(name, "", number) for name in ("current", "command", "drive")
+    )
     return (
         _Column(Signal(read, "A", f"as its sensor says{of}"), read, full / Q30),
         _Column(Signal(asked, "A", f"current asked for{of}"), driven, full / Q31),
     )
 
 
-def _of_any(force: float) -> tuple[_Column, ...]:
+def _common_columns(force: float) -> tuple[_Column, ...]:
     return (
         _Column(Signal("expected", "N", "force that the model expects"), "expected", force / Q31),
         _Column(Signal("model_flux", "", "of the model, of full scale"), "flux", 1.0 / Q30),
@@ -133,7 +139,7 @@ def _of_any(force: float) -> tuple[_Column, ...]:
     )
 
 
-Reach = Callable[[], XcpMaster]
+OpenLine = Callable[[], XcpMaster]
 """Opens a line; an InputError where nobody answers."""
 
 
@@ -149,25 +155,25 @@ class Contact:
         self.line = line
         self.columns = BoardColumns(line.body, line.signals, manifest)
         self.settings = ControllerSettings(line, self.columns.settings)
-        self.goal = line.goal()
-        self.block = block_in_force(line)
-        self.rows = line.take(0)
-        self.at = time.monotonic()
+        self.demand_code = line.read_demand()
+        self.block = active_block_checksum(line)
+        self.rows = line.take_samples(0)
+        self.contact_time = time.monotonic()
 
     @property
     def state(self) -> State:
         """The state of the controller at the last sample."""
-        return State(self._last("state"))
+        return State(self._last_value("state"))
 
     @property
     def fault(self) -> Fault:
         """Its latched reason of a fault."""
-        return Fault(self._last("fault"))
+        return Fault(self._last_value("fault"))
 
-    def _last(self, signal: str) -> int:
+    def _last_value(self, signal: str) -> int:
         return int(self.rows[-1, 1 + self.line.signals.index(signal)])
 
-    def check_same(self, before: Contact) -> None:
+    def check_same_controller(self, before: Contact) -> None:
         """Refuse another controller than that of a contact before."""
         mine, other = self.line, before.line
         facts = attrgetter("name", "body", "signals", "every")
@@ -181,23 +187,23 @@ class Contact:
 
 
 def open_contact(
-    reach: Reach, manifest: Mapping[str, Any], before: Contact | None = None
+    open_line: OpenLine, manifest: Mapping[str, Any], before: Contact | None = None
 ) -> Contact:
     """Open a line and return the contact, the same controller as before; closed where it is not."""
-    line = reach()
+    line = open_line()
     try:
         found = Contact(line, manifest)
         if before is not None:
-            found.check_same(before)
+            found.check_same_controller(before)
     except BaseException:
         line.close()
         raise
     return found
 
 
-def block_in_force(line: XcpMaster) -> list[int]:
+def active_block_checksum(line: XcpMaster) -> list[int]:
     """Return the checksum of the parameter block in force, which tells one from another."""
-    return line.read_words(CRC_AT, 2)
+    return line.read_words(CRC_INDEX, 2)
 
 
 def _check(line: XcpMaster, manifest: Mapping[str, Any]) -> None:
@@ -214,7 +220,7 @@ def _check(line: XcpMaster, manifest: Mapping[str, Any]) -> None:
         "SCALE_RATE": ("rate", manifest["rate_Hz"]),
     }
     for word, (name, value) in wanted.items():
-        words = line.read_words(PLACES[word], 2)
+        words = line.read_words(WORD_INDEX[word], 2)
         (found,) = struct.unpack("<f", struct.pack("<2h", *words))
         if not abs(found - value) <= 1e-6 * abs(value):
             raise OtherFirmware(

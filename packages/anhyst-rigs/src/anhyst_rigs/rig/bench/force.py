@@ -19,21 +19,21 @@ from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.virtual_boards import Q30, Q31, VIRTUAL_BOARDS, PlantBus, Reading
 from anhyst_rigs.link.wire import Status
 from anhyst_rigs.rig.bench.pace import Heartbeat, LockStepBench
-from anhyst_rigs.rig.bench.protocol import FORCE_COMMANDS, Aim, Knobs, Parameter, Signal
+from anhyst_rigs.rig.bench.protocol import FORCE_COMMANDS, DemandRange, Knobs, Parameter, Signal
 from anhyst_rigs.rig.bench.settings import (
     ControllerSettings,
     check_values,
-    expect_amplifier,
     force_settings,
+    set_expected_amplifier,
 )
 from anhyst_rigs.rig.force.bench import ActuatorStand, Demand, StandTick, bench_recording
-from anhyst_rigs.rig.force.file import Rig
-from anhyst_rigs.rig.force.programs import ONE, Program, Session
+from anhyst_rigs.rig.force.file import ForceControlRig
+from anhyst_rigs.rig.force.programs import Q31_ONE, FirmwareSession, Program
 from anhyst_rigs.rig.recording import Recording
 
-_SPEED = 0.02
-_SPEED_MOST = 1.0
-_FREQUENCY_MOST = 20.0
+_DEFAULT_SPEED = 0.02
+_MAX_SPEED = 1.0
+_MAX_FREQUENCY = 20.0
 
 
 class Armature(Knobs):
@@ -41,23 +41,25 @@ class Armature(Knobs):
 
     def __init__(self, low: float, high: float, rate: float) -> None:
         self._low, self._high, self._dt = low, high, 1.0 / rate
-        self._at = middle = 0.5 * (low + high)
-        self._turns, swing = 0.0, 0.5 * (high - low)
+        self._position = middle = 0.5 * (low + high)
+        self._phase, swing = 0.0, 0.5 * (high - low)
         super().__init__(
             Parameter("gap", "m", low, high, "where the armature is held", middle),
-            Parameter("gap_speed", "m/s", 1e-4, _SPEED_MOST, "at which it goes there", _SPEED),
+            Parameter(
+                "gap_speed", "m/s", 1e-4, _MAX_SPEED, "at which it goes there", _DEFAULT_SPEED
+            ),
             Parameter("gap_swing", "m", 0.0, swing, "amplitude of a sine about it", 0.0),
-            Parameter("gap_frequency", "Hz", 0.0, _FREQUENCY_MOST, "of this sine", 1.0),
+            Parameter("gap_frequency", "Hz", 0.0, _MAX_FREQUENCY, "of this sine", 1.0),
         )
 
     def move(self) -> float:
         """Go on by a tick, and return the gap there, m."""
         step = self["gap_speed"] * self._dt
-        self._at += min(max(self["gap"] - self._at, -step), step)
-        self._turns = (self._turns + self["gap_frequency"] * self._dt) % 1.0
-        gap = self._at
+        self._position += min(max(self["gap"] - self._position, -step), step)
+        self._phase = (self._phase + self["gap_frequency"] * self._dt) % 1.0
+        gap = self._position
         if self["gap_swing"] > 0.0:
-            gap += self["gap_swing"] * float(sine(self._turns))
+            gap += self["gap_swing"] * float(sine(self._phase))
         return min(max(gap, self._low), self._high)
 
 
@@ -78,17 +80,17 @@ _SIGNALS = (
 )
 
 
-class GivenMotion(Knobs):
+class PrescribedMotion(Knobs):
     """Leads the armature from gap to gap, m, once it may begin."""
 
     def __init__(self, gap: FloatArray) -> None:
         super().__init__()
-        self._gap, self._next, self.begun = gap.tolist(), 0, False
+        self._gap, self._next, self.has_begun = gap.tolist(), 0, False
 
     def move(self) -> float:
         """Go on by a tick, and return the gap there, m."""
         gap: float = self._gap[self._next]
-        if self.begun:
+        if self.has_begun:
             self._next = min(self._next + 1, len(self._gap) - 1)
         return gap
 
@@ -97,15 +99,15 @@ class StandPlant:
     """The actuator as the plant bus knows it."""
 
     def __init__(
-        self, stand: ActuatorStand, scales: Scales, armature: Armature | GivenMotion
+        self, stand: ActuatorStand, scales: Scales, armature: Armature | PrescribedMotion
     ) -> None:
         self._stand, self._scales = stand, scales
         self.armature = armature
         self.gap = 0.0
-        self.at: StandTick
+        self.last_tick: StandTick
 
     @classmethod
-    def free(cls, rig: Rig, program: Program, seed: int) -> Self:
+    def with_operator(cls, rig: ForceControlRig, program: Program, seed: int) -> Self:
         """Return it with an armature that an operator moves."""
         low, high = program.scales.gap_low, program.scales.gap_high
         armature = Armature(low, high, rig.settings.timing.rate_Hz)
@@ -115,12 +117,12 @@ class StandPlant:
         """Go on by one tick."""
         del tick  # it counts for itself
         self.gap = self.armature.move()
-        self.at = self._stand.step(currents[0] * self._scales.current, self.gap)
+        self.last_tick = self._stand.step(currents[0] * self._scales.current, self.gap)
         scales = self._scales
         return Reading(
-            scales.gap_share(self.at.gap_read),
-            self.at.force_read / scales.demand,
-            self.at.current_read / scales.current,
+            scales.gap_fraction(self.last_tick.gap_read),
+            self.last_tick.force_read / scales.demand,
+            self.last_tick.current_read / scales.current,
         )
 
 
@@ -135,26 +137,32 @@ class ForceBench(LockStepBench):
     commands = FORCE_COMMANDS
 
     def __init__(
-        self, rig: Rig, program: Program, plant: StandPlant | None = None, board: str = "library"
+        self,
+        rig: ForceControlRig,
+        program: Program,
+        plant: StandPlant | None = None,
+        board: str = "library",
     ) -> None:
         self.rate = float(rig.settings.timing.rate_Hz)
         self._program, self._scales = program, program.scales
-        self._stand = plant or StandPlant.free(rig, program, 0)
-        self.aim = Aim("force", "demand", "N", 0.0, rig.settings.force.force_max_N, 0.0)
-        self._open = ExitStack()
+        self._stand = plant or StandPlant.with_operator(rig, program, 0)
+        self.demand_range = DemandRange(
+            "force", "demand", "N", 0.0, rig.settings.force.force_max_N, 0.0
+        )
+        self._resources = ExitStack()
         try:
             started = VIRTUAL_BOARDS[board](program.firmware, self._stand)
-            running = self._open.enter_context(started)
+            running = self._resources.enter_context(started)
             self._bus = running.bus
-            self.link = self._open.enter_context(ControllerLink(running.link))
+            self.link = self._resources.enter_context(ControllerLink(running.link))
             self._heartbeat = Heartbeat(self.link)
             slew = rig.settings.amplifier.slew
-            expect_amplifier(self.link, rig.settings, slew, self._scales.current)
+            set_expected_amplifier(self.link, rig.settings, slew, self._scales.current)
             known = force_settings(self._scales.demand, self._scales.current, self.rate)
             self._settings = ControllerSettings(self.link, known)
             self._state = State.INIT
         except BaseException:
-            self._open.close()
+            self._resources.close()
             raise
 
     def advance(self, ticks: int) -> FloatArray:
@@ -162,7 +170,7 @@ class ForceBench(LockStepBench):
         rows = np.empty((ticks, 1 + len(self.signals)))
         done = 0
         while done < ticks:
-            for _ in range(self._heartbeat.let_pass(ticks - done)):
+            for _ in range(self._heartbeat.count_ticks(ticks - done)):
                 self._bus.step()
                 self._state = self._bus.state
                 rows[done] = self._row()
@@ -170,7 +178,7 @@ class ForceBench(LockStepBench):
         return rows
 
     def _row(self) -> tuple[float, ...]:
-        at, answer, scales = self._stand.at, self._bus.answer, self._scales
+        at, answer, scales = self._stand.last_tick, self._bus.answer, self._scales
         assert answer is not None
         return (
             self._bus.tick,
@@ -196,7 +204,7 @@ class ForceBench(LockStepBench):
 
     def demand(self, value: float) -> None:
         """Demand a force, N, up to the largest one of the rig; a run begins at zero."""
-        check_demand(self.aim, value, self._state)
+        check_demand(self.demand_range, value, self._state)
         self.link.demand(self._program.demand_code(value))
         self._heartbeat.restart()
 
@@ -219,9 +227,9 @@ class ForceBench(LockStepBench):
         return self.tick + 1
 
 
-def check_demand(aim: Aim, value: float, state: State) -> None:
+def check_demand(demand_range: DemandRange, value: float, state: State) -> None:
     """Refuse a force that a controller would not take."""
-    aim.check(value)
+    demand_range.check(value)
     if why := demand_refusal(state):
         raise InputError(f"demand: {why}", code="wrong-state", key="demand")
 
@@ -233,48 +241,48 @@ def demand_refusal(state: State) -> str:
     return f"a force is demanded in the state run, not in {state.name.lower()}"
 
 
-_UP = 40
+_SELFTEST_TICKS = 40
 """Ticks after power on until the self-test must have passed."""
-_BETWEEN = 40
+_POLL_TICKS = 40
 """Ticks from one look at a controller that gets ready to the next."""
-_LONGEST = 200_000
+_MAX_START_UP_TICKS = 200_000
 """Ticks of a start-up sequence after which something is wrong."""
-_RECORDED = ("command", "current", "force", "gap", "gap_read", "force_read", "current_read")
+_RECORDED_SIGNALS = ("command", "current", "force", "gap", "gap_read", "force_read", "current_read")
 """Signals of the bench that a recording has."""
 
 
 def run_firmware(
-    rig: Rig,
+    rig: ForceControlRig,
     program: Program,
     stand: ActuatorStand,
     gap: FloatArray,
     demand: Demand,
     board: str,
-    demagnetised: bool,
-) -> tuple[Recording, Session]:
+    is_demagnetised: bool,
+) -> tuple[Recording, FirmwareSession]:
     """Run a demand through a firmware from power on: one command over the link at every tick."""
-    motion = GivenMotion(gap)
+    motion = PrescribedMotion(gap)
     plant = StandPlant(stand, program.scales, motion)
     with closing(ForceBench(rig, program, plant, board)) as bench:
-        start_up = _get_ready(bench, demagnetised)
+        start_up = _start_up(bench, is_demagnetised)
         bench.command(Command.RUN)
-        motion.begun = True
+        motion.has_begun = True
         rows = []
         for force in demand.force.tolist():
             bench.demand(force)
             rows.append(bench.advance(1))
         if (status := bench.link.status()).state is not State.RUN:
-            text = f"the controller left its run for {_state(status)}"
+            text = f"the controller left its run for {_state_text(status)}"
             raise NegativeResult(text, code="wrong-state")
     run = np.concatenate(rows)
     everything = np.concatenate([start_up, run])
     drive = _columns(everything, "command")[:, 0]
-    return bench_recording(_columns(run, *_RECORDED), rig.dt), Session(
+    return bench_recording(_columns(run, *_RECORDED_SIGNALS), rig.dt), FirmwareSession(
         program.gap_codes(_columns(everything, "gap_read")[:, 0]),
-        np.rint(drive / program.scales.current * ONE).astype(np.int64),
+        np.rint(drive / program.scales.current * Q31_ONE).astype(np.int64),
         np.array([program.demand_code(force) for force in demand.force.tolist()]),
         len(start_up),
-        demagnetised,
+        is_demagnetised,
     )
 
 
@@ -283,19 +291,19 @@ def _columns(rows: FloatArray, *names: str) -> FloatArray:
     return rows[:, [1 + signals.index(name) for name in names]]
 
 
-def _get_ready(bench: ForceBench, demagnetised: bool) -> FloatArray:
+def _start_up(bench: ForceBench, is_demagnetised: bool) -> FloatArray:
     """Take a controller from power on to ready, and return the rows until there."""
-    rows = [bench.advance(_UP)]
-    bench.command(Command.DEMAGNETISED if demagnetised else Command.CONDITION)
-    end = bench.tick + _LONGEST
+    rows = [bench.advance(_SELFTEST_TICKS)]
+    bench.command(Command.DEMAGNETISED if is_demagnetised else Command.CONDITION)
+    end = bench.tick + _MAX_START_UP_TICKS
     while (status := bench.link.status()).state is not State.READY:
         if status.state is State.FAULT or bench.tick > end:
-            text = f"the controller did not get ready: it is in {_state(status)}"
+            text = f"the controller did not get ready: it is in {_state_text(status)}"
             raise NegativeResult(text, code="wrong-state")
-        rows.append(bench.advance(_BETWEEN))
+        rows.append(bench.advance(_POLL_TICKS))
     return np.concatenate(rows)
 
 
-def _state(controller: Status) -> str:
+def _state_text(controller: Status) -> str:
     reason = "" if controller.fault is Fault.NONE else f", reason {controller.fault.name.lower()}"
     return f"state {controller.state.name.lower()}{reason}"

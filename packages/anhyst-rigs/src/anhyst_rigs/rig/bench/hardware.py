@@ -17,23 +17,23 @@ from anhyst_rigs.link.frames import Body
 from anhyst_rigs.link.xcp import XcpMaster
 from anhyst_rigs.rig.bench.contact import (
     Contact,
+    OpenLine,
     OtherFirmware,
-    Reach,
-    block_in_force,
+    active_block_checksum,
     open_contact,
 )
 from anhyst_rigs.rig.bench.force import check_demand
 from anhyst_rigs.rig.bench.protocol import BEARING_COMMANDS, FORCE_COMMANDS, Bench, Parameter
 from anhyst_rigs.rig.bench.settings import check_values
 
-_BEAT_S = 0.02
+_HEARTBEAT_PERIOD_S = 0.02
 """Between two signs of life to a controller, s; it waits for 0.1 s."""
-PATIENCE_S = 600.0
+SEARCH_TIME_S = 600.0
 """How long a controller that was lost is looked for, s."""
-_FAST, _SLOW, _SPARE_S = 1.01, 0.9, 1.0
+_MAX_CLOCK_RATIO, _MIN_CLOCK_RATIO, _CLOCK_MARGIN_S = 1.01, 0.9, 1.0
 """A clock that went on has counted as many ticks as passed here, within these shares and so many
 seconds; one that began anew has not."""
-_ROUND = 1 << 32
+_TICK_MODULUS = 1 << 32
 """Ticks after which a controller's count begins again."""
 
 
@@ -46,26 +46,26 @@ class HardwareBench(Bench):
     nothing is commanded or set: its settings are read anew.
     """
 
-    keeps_time = True
+    has_own_clock = True
     tick = 0
 
     def __init__(
-        self, reach: Reach, manifest: Mapping[str, Any], patience: float = PATIENCE_S
+        self, open_line: OpenLine, manifest: Mapping[str, Any], search_time: float = SEARCH_TIME_S
     ) -> None:
         self.rate = float(manifest["rate_Hz"])
-        self._reach, self._manifest, self._patience = reach, manifest, patience
-        self._search: Search | None = None
-        self._news: list[str] = []
-        self._beaten = 0.0
-        self._stretch = max(1, int(_BEAT_S * self.rate))
-        contact = open_contact(reach, manifest)
-        self.every = contact.line.every
+        self._open_line, self._manifest, self._search_time = open_line, manifest, search_time
+        self._search: ContactSearch | None = None
+        self._messages: list[str] = []
+        self._last_heartbeat = 0.0
+        self._max_wait_ticks = max(1, int(_HEARTBEAT_PERIOD_S * self.rate))
+        contact = open_contact(open_line, manifest)
+        self.ticks_per_row = contact.line.tick_interval
         self.signals = contact.columns.signals
-        self._force = contact.line.body is Body.FORCE
-        self.commands = FORCE_COMMANDS if self._force else BEARING_COMMANDS
-        self.tick = int(contact.rows[0, 0]) - self.every
-        self._first: NDArray[np.int64] = contact.rows
-        self._take_up(contact, 0)
+        self._is_force_controller = contact.line.body is Body.FORCE
+        self.commands = FORCE_COMMANDS if self._is_force_controller else BEARING_COMMANDS
+        self.tick = int(contact.rows[0, 0]) - self.ticks_per_row
+        self._first_rows: NDArray[np.int64] = contact.rows
+        self._adopt_contact(contact, 0)
 
     def advance(self, ticks: int) -> FloatArray:
         """Wait until some ticks have passed, and return all that came since; none while lost."""
@@ -73,99 +73,105 @@ class HardwareBench(Bench):
             found = self._search.wait(ticks / self.rate)
             if found is None:
                 return self._columns.values(np.empty((0, 1 + len(self._sources)), dtype=np.int64))
-            self._return(found)
-        parts, end = [self._counted(self._first)], self.tick + ticks
-        self._first = self._first[:0]
+            self._resume(found)
+        parts, end = [self._new_rows(self._first_rows)], self.tick + ticks
+        self._first_rows = self._first_rows[:0]
         try:
             while self.tick < end:
                 now = time.monotonic()
-                if now - self._beaten > _BEAT_S:
-                    self._line.beat()
-                    self._beaten = now
-                until = max(self.tick + self.every, min(end, self.tick + self._stretch))
-                parts.append(self._counted(self._line.take(until - self._offset)))
+                if now - self._last_heartbeat > _HEARTBEAT_PERIOD_S:
+                    self._line.send_heartbeat()
+                    self._last_heartbeat = now
+                until = max(
+                    self.tick + self.ticks_per_row, min(end, self.tick + self._max_wait_ticks)
+                )
+                parts.append(self._new_rows(self._line.take_samples(until - self._offset)))
         except InputError as error:
-            self._lose(error)
+            self._start_search(error)
         codes = np.concatenate(parts)
         if len(codes):
             self._state = State(int(codes[-1, 1 + self._sources.index("state")]))
         return self._columns.values(codes)
 
-    def _counted(self, codes: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _new_rows(self, codes: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return rows with ticks as the bench counts them, behind those that came before."""
         codes = codes + np.eye(1, codes.shape[1], dtype=np.int64) * self._offset
         codes = codes[codes[:, 0] > self.tick]
         if len(codes):
-            self.tick, self._seen = int(codes[-1, 0]), time.monotonic()
+            self.tick, self._last_row_time = int(codes[-1, 0]), time.monotonic()
         return codes
 
-    def _take_up(self, contact: Contact, offset: int) -> None:
+    def _adopt_contact(self, contact: Contact, offset: int) -> None:
         """Go on with a contact; `offset` leads from its ticks to those of the bench."""
         self._contact, self._line, self._offset = contact, contact.line, offset
         self._columns, self._settings = contact.columns, contact.settings
         self._sources = contact.line.signals
-        self._first = contact.rows
+        self._first_rows = contact.rows
         self._block, self._state = contact.block, contact.state
-        self._seen = contact.at
-        self.aim = contact.columns.aim(contact.goal)
+        self._last_row_time = contact.contact_time
+        self.demand_range = contact.columns.demand_range(contact.demand_code)
 
-    def _lose(self, error: InputError) -> None:
+    def _start_search(self, error: InputError) -> None:
         """Look for a controller that does not answer any more."""
         before = self._contact
-        self.lost = str(error)
-        self._news.append(
-            f"lost: {error}; it is looked for, for {self._patience / 60.0:g} min at most"
+        self.loss_reason = str(error)
+        self._messages.append(
+            f"lost: {error}; it is looked for, for {self._search_time / 60.0:g} min at most"
         )
-        self._search = Search(
-            lambda: open_contact(self._reach, self._manifest, before),
+        self._search = ContactSearch(
+            lambda: open_contact(self._open_line, self._manifest, before),
             before.line.close,
-            self._patience,
+            self._search_time,
         )
 
-    def _return(self, found: Contact) -> None:
+    def _resume(self, found: Contact) -> None:
         """Go on with a controller that was lost, and say how it is."""
         newest = int(found.rows[-1, 0])
-        away = found.at - self._seen
-        ahead = (newest - (self.tick - self._offset)) % _ROUND
+        away = found.contact_time - self._last_row_time
+        ahead = (newest - (self.tick - self._offset)) % _TICK_MODULUS
         counted = ahead / self.rate
-        goes_on = _SLOW * away - _SPARE_S <= counted <= _FAST * away + _SPARE_S
+        goes_on = (
+            _MIN_CLOCK_RATIO * away - _CLOCK_MARGIN_S
+            <= counted
+            <= _MAX_CLOCK_RATIO * away + _CLOCK_MARGIN_S
+        )
         passed = ahead if goes_on else max(1, round(away * self.rate))
         ticks = "its ticks went on" if goes_on else f"it began anew and is at its tick {newest}"
-        parts = [f"back after {away:.1f} s, {_standing(found)}", ticks]
+        parts = [f"back after {away:.1f} s, {_state_text(found)}", ticks]
         if found.block != self._block:
             parts.append("another parameter block is in force than before")
         before = {one.name: one.value for one in self.parameters()}
-        self._search, self.lost = None, ""
-        self._take_up(found, self.tick + passed - newest)
+        self._search, self.loss_reason = None, ""
+        self._adopt_contact(found, self.tick + passed - newest)
         parts += [
             f"{one.name} is {one.value:g} and was {before[one.name]:g}"
             for one in self.parameters()
             if one.value != before[one.name]
         ]
-        self._news.append("; ".join(parts))
+        self._messages.append("; ".join(parts))
 
-    def news(self) -> Sequence[str]:
+    def take_messages(self) -> Sequence[str]:
         """Return what happened to the controller since this was last asked."""
-        news, self._news = self._news, []
+        news, self._messages = self._messages, []
         return news
 
-    def _reached(self) -> XcpMaster:
+    def _connected_line(self) -> XcpMaster:
         if self._search is not None:
             raise InputError(
-                f"{self.lost}; it is looked for, wait until it is back", code="port-gone"
+                f"{self.loss_reason}; it is looked for, wait until it is back", code="port-gone"
             )
         return self._line
 
     def command(self, command: Command) -> None:
         """Give a command."""
-        self._state = self._reached().command(command)
+        self._state = self._connected_line().command(command)
 
     def demand(self, value: float) -> None:
         """Demand a force, N, or a gap, m."""
-        line = self._reached()
-        if self._force:
-            check_demand(self.aim, value, self._state)
-        line.aim(self._columns.code(value))
+        line = self._connected_line()
+        if self._is_force_controller:
+            check_demand(self.demand_range, value, self._state)
+        line.write_demand(self._columns.demand_code(value))
 
     def load(self, force: float) -> None:
         """Refuse: nothing of the load is known here."""
@@ -180,24 +186,24 @@ class HardwareBench(Bench):
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Write settings one after the other; returns the first tick with all of them in force."""
-        self._reached()
+        self._connected_line()
         check_values(values, self.parameters())
         self._settings.write(values, self._state is State.RUN)
         return self._next_tick()
 
     def read_block(self) -> list[int]:
         """Return the parameter block in force."""
-        return self._reached().read_block()
+        return self._connected_line().read_block()
 
     def swap_block(self, words: Sequence[int]) -> int:
         """Put another parameter block in force; returns the first tick that uses it for certain."""
-        line = self._reached()
+        line = self._connected_line()
         line.swap_block(words)
-        self._block = block_in_force(line)
+        self._block = active_block_checksum(line)
         return self._next_tick()
 
     def _next_tick(self) -> int:
-        passed = (self._line.clock() + self._offset - self.tick) % _ROUND
+        passed = (self._line.read_clock() + self._offset - self.tick) % _TICK_MODULUS
         return self.tick + passed + 1
 
     def close(self) -> None:
@@ -208,7 +214,7 @@ class HardwareBench(Bench):
             self._line.close()
 
 
-def _standing(found: Contact) -> str:
+def _state_text(found: Contact) -> str:
     """Return the state of a controller in words."""
     state = f"in the state {found.state.name.lower()}"
     if found.fault is Fault.NONE:
@@ -216,33 +222,36 @@ def _standing(found: Contact) -> str:
     return f"{state} ({found.fault.name.lower().replace('_', ' ')})"
 
 
-_FIRST_S, _GROWTH, _LONGEST_S = 0.1, 1.5, 2.0
+_FIRST_PAUSE_S, _PAUSE_GROWTH, _MAX_PAUSE_S = 0.1, 1.5, 2.0
 """Pauses between two tries: the first, by how much each is longer, and the longest."""
-_GO_S = 1.0
+_JOIN_TIME_S = 1.0
 """How long whoever ends a search waits for a try that is under way, s."""
 
 
-class Search:
+class ContactSearch:
     """Tries to get into contact again, with growing pauses, until a time is over."""
 
     def __init__(
-        self, look: Callable[[], Contact], before: Callable[[], None], patience: float
+        self,
+        find_contact: Callable[[], Contact],
+        close_line: Callable[[], None],
+        search_time: float,
     ) -> None:
-        self._look = look
-        self._before = before
-        self._end = time.monotonic() + patience
+        self._find_contact = find_contact
+        self._close_line = close_line
+        self._end = time.monotonic() + search_time
         self._found: Contact | None = None
-        self._given_up: InputError | None = None
-        self._cancelled, self._over = threading.Event(), threading.Event()
+        self._failure: InputError | None = None
+        self._cancelled, self._finished = threading.Event(), threading.Event()
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="search", daemon=True)
         self._thread.start()
 
     def wait(self, seconds: float) -> Contact | None:
         """Return the contact, or None where there is none after so long."""
-        self._over.wait(seconds)
-        if self._given_up is not None:
-            raise self._given_up
+        self._finished.wait(seconds)
+        if self._failure is not None:
+            raise self._failure
         return self._found
 
     def close(self) -> None:
@@ -252,27 +261,27 @@ class Search:
             found, self._found = self._found, None
         if found is not None:
             found.line.close()
-        self._thread.join(_GO_S)
+        self._thread.join(_JOIN_TIME_S)
 
     def _run(self) -> None:
-        self._before()
-        pause = _FIRST_S
+        self._close_line()
+        pause = _FIRST_PAUSE_S
         while not self._cancelled.wait(pause):
-            pause = min(_GROWTH * pause, _LONGEST_S)
+            pause = min(_PAUSE_GROWTH * pause, _MAX_PAUSE_S)
             try:
-                found = self._look()
+                found = self._find_contact()
             except OtherFirmware as other:
-                self._given_up = other
+                self._failure = other
             except InputError as error:
                 if time.monotonic() > self._end:
-                    self._given_up = error
+                    self._failure = error
             else:
-                self._leave(found)
-            if self._found is not None or self._given_up is not None:
-                self._over.set()
+                self._deliver(found)
+            if self._found is not None or self._failure is not None:
+                self._finished.set()
                 return
 
-    def _leave(self, found: Contact) -> None:
+    def _deliver(self, found: Contact) -> None:
         """Hand a contact over, unless nobody wants it any more."""
         with self._lock:
             wanted = not self._cancelled.is_set()

@@ -10,11 +10,11 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Fault, State
 from anhyst_rigs.rig.bench.protocol import Bench
 
-PIECE_S = 0.01
+MAX_PIECE_S = 0.01
 """After so long at most it is seen whether the loop was lost, s."""
 
 
-class LapBench(Bench):
+class CycleBench(Bench):
     """A stage that follows its set-point over and over."""
 
     tick = 0
@@ -22,27 +22,27 @@ class LapBench(Bench):
 
     def advance(self, ticks: int) -> FloatArray:
         """Compute some ticks, one after the other."""
-        parts, piece = [], max(1, round(PIECE_S * self.rate))
+        parts, piece = [], max(1, round(MAX_PIECE_S * self.rate))
         while ticks > 0:
             if self._state is State.FAULT:
-                rows = self._lie(ticks)
+                rows = self._lost_rows(ticks)
             else:
-                self._turn()
-                rows = self._run(min(ticks, piece))
+                self._apply_staged()
+                rows = self._run_ticks(min(ticks, piece))
             parts.append(rows)
             ticks -= len(rows)
         return np.concatenate(parts)
 
     @abstractmethod
-    def _lie(self, n: int) -> FloatArray:
+    def _lost_rows(self, n: int) -> FloatArray:
         """Return the rows of a stage that was lost: it is not simulated."""
 
     @abstractmethod
-    def _turn(self) -> None:
+    def _apply_staged(self) -> None:
         """Put in force what was staged, if a lap is over or none is under way."""
 
     @abstractmethod
-    def _run(self, n: int) -> FloatArray:
+    def _run_ticks(self, n: int) -> FloatArray:
         """Return the rows of at most so many ticks."""
 
     def close(self) -> None:

@@ -25,15 +25,15 @@ from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.virtual_boards import PlantBus
 from anhyst_rigs.rig.bench.protocol import Bench, Subscription
 
-SLOWEST, FASTEST = 0.01, 1.0
+MIN_SPEED, MAX_SPEED = 0.01, 1.0
 """Speeds that can be asked for, in units of the clock's."""
 CHUNK_S = 0.01
 """Of the clock that the ticks of a chunk take."""
-BEHIND_S = 0.1
+MAX_LATENESS_S = 0.1
 """Of the clock: a bench that is later gives up the time it lost instead of running after it."""
-_BEFORE_HELPERS = 2
+_PACER_PRIORITY = 2
 """The pacer's order among threads that go first."""
-_REST = 0.05
+_REST_SHARE = 0.05
 """Sleep after each chunk where the bench goes before all other work, of the time it took."""
 _WINDOW_S = 1.0
 """Over which speed and lateness are stated, s of the clock."""
@@ -46,50 +46,52 @@ class Pacing:
     """How a bench keeps up with the clock."""
 
     tick: int  # number of the last tick
-    paused: bool
+    is_paused: bool
     speed: float  # asked for, in units of the clock's
-    factor: float  # run in the last second, likewise; 0 while it is paused
+    measured_speed: float  # run in the last second, likewise; 0 while it is paused
     # mean and largest lateness of the chunks of the last second, s: from when the last tick of a
     # chunk was due until the chunk was handed on
-    late: float
-    late_most: float
+    mean_lateness: float
+    max_lateness: float
     # how often time was given up since the start, because the bench was late by :data:`BEHIND_S`
-    slips: int
-    lost: float  # all the time given up, s of the clock
+    slip_count: int
+    lost_time: float  # all the time given up, s of the clock
     # recorder that has no room for the next chunk, so that time stands; empty where none
-    waits_for: str
+    awaited_recorder: str
 
 
 class PacedBench:
     """Runs a bench by the clock, or as its own ticks come, until it is closed."""
 
-    def __init__(self, bench: Bench, speed: float = 1.0, paused: bool = False) -> None:
+    def __init__(self, bench: Bench, speed: float = 1.0, is_paused: bool = False) -> None:
         self.error: InputError | None = None
         self._bench = bench
-        self._speed = _checked(speed)
-        self._paused = paused
-        self._steps = 0
-        self._closing = False
+        self._speed = _check_speed(speed)
+        self._is_paused = is_paused
+        self._ticks_to_step = 0
+        self._is_closing = False
         self._wake = threading.Condition()
         self._todo: deque[Callable[[], None]] = deque()
         self._subscriptions: list[Subscription] = []
         self._window: deque[tuple[float, int, float]] = deque()
-        self._slips, self._lost, self._waits_for = 0, 0.0, ""
+        self._slip_count, self._lost_time, self._awaited_recorder = 0, 0.0, ""
         self._origin = (time.monotonic(), bench.tick)
         self._tick = bench.tick
         self._thread = threading.Thread(target=self._run, name="pacer", daemon=True)
         self._thread.start()
 
-    def subscribe(self, name: str, most: int = 100, complete: bool = False) -> Subscription:
+    def subscribe(
+        self, name: str, max_chunks: int = 100, is_complete: bool = False
+    ) -> Subscription:
         """Let somebody look on, from the next chunk on."""
-        subscription = Subscription(name, most, complete)
+        subscription = Subscription(name, max_chunks, is_complete)
         with self._wake:
-            if self._closing:
+            if self._is_closing:
                 subscription.close()
             self._subscriptions.append(subscription)
         return subscription
 
-    def do(self, act: Callable[[Bench], _Result]) -> _Result:
+    def execute(self, action: Callable[[Bench], _Result]) -> _Result:
         """Do something to the bench between two chunks, and return what it returned.
 
         Whatever it does acts from one tick on, also while time stands. What it raises is raised here.
@@ -98,12 +100,12 @@ class PacedBench:
 
         def work() -> None:
             try:
-                done.set_result(act(self._bench))
+                done.set_result(action(self._bench))
             except BaseException as error:
                 done.set_exception(error)
 
         with self._wake:
-            if self._closing:
+            if self._is_closing:
                 raise self.error or InputError("the bench is closed", code="bench-closed")
             self._todo.append(work)
             self._wake.notify_all()
@@ -112,29 +114,29 @@ class PacedBench:
     def set_speed(self, speed: float) -> None:
         """Run at another speed from now on."""
         with self._wake:
-            self._speed = _checked(speed)
-            self._begin()
+            self._speed = _check_speed(speed)
+            self._restart_clock()
 
     def pause(self) -> None:
         """Let time stand, after the chunk that is under way."""
         with self._wake:
-            self._paused = True
+            self._is_paused = True
             self._window.clear()
 
     def resume(self) -> None:
         """Let time go on."""
         with self._wake:
-            self._paused, self._steps = False, 0
-            self._begin()
+            self._is_paused, self._ticks_to_step = False, 0
+            self._restart_clock()
 
     def step(self, ticks: int = 1) -> None:
         """Go on by some ticks and stand again; without effect unless paused."""
         with self._wake:
-            if self._paused:
-                self._steps += ticks
+            if self._is_paused:
+                self._ticks_to_step += ticks
                 self._wake.notify_all()
 
-    def pace(self) -> Pacing:
+    def pacing(self) -> Pacing:
         """Say how it keeps up with the clock."""
         with self._wake:
             late, factor = [one[2] for one in self._window], 0.0
@@ -143,42 +145,42 @@ class PacedBench:
                 factor = (last - first) / self._bench.rate / (end - begin)
             return Pacing(
                 tick=self._tick,
-                paused=self._paused,
+                is_paused=self._is_paused,
                 speed=self._speed,
-                factor=factor,
-                late=sum(late) / len(late) if late else 0.0,
-                late_most=max(late, default=0.0),
-                slips=self._slips,
-                lost=self._lost,
-                waits_for=self._waits_for,
+                measured_speed=factor,
+                mean_lateness=sum(late) / len(late) if late else 0.0,
+                max_lateness=max(late, default=0.0),
+                slip_count=self._slip_count,
+                lost_time=self._lost_time,
+                awaited_recorder=self._awaited_recorder,
             )
 
     def close(self) -> None:
         """End it: the chunk under way is handed on, then all queues end. The bench stays open."""
         with self._wake:
-            self._closing = True
+            self._is_closing = True
             self._wake.notify_all()
         self._thread.join()
 
-    def _begin(self) -> None:
+    def _restart_clock(self) -> None:
         """Count time from here; under the lock."""
         self._origin = (time.monotonic(), self._tick)
         self._window.clear()
         self._wake.notify_all()
 
-    def _due(self, tick: int) -> float:
+    def _due_time(self, tick: int) -> float:
         """Return when a tick is due, by the clock."""
         begin, first = self._origin
         return begin + (tick - first) / (self._bench.rate * self._speed)
 
     def _run(self) -> None:
         try:
-            with going_first(_BEFORE_HELPERS) as first:
+            with raised_priority(_PACER_PRIORITY) as first:
                 while (ticks := self._next_ticks()) is not None:
                     began = time.monotonic()
                     self._advance(ticks)
                     if first:
-                        time.sleep(_REST * (time.monotonic() - began))
+                        time.sleep(_REST_SHARE * (time.monotonic() - began))
         except InputError as error:
             self.error = error
         finally:
@@ -189,9 +191,9 @@ class PacedBench:
         while True:
             with self._wake:
                 if not self._todo:
-                    if self._closing:
+                    if self._is_closing:
                         return None
-                    ticks, patience = self._next()
+                    ticks, patience = self._ticks_due()
                     if ticks:
                         return ticks
                     self._wake.wait(patience)
@@ -199,49 +201,49 @@ class PacedBench:
                 work = self._todo.popleft()
             work()
 
-    def _next(self) -> tuple[int, float | None]:
+    def _ticks_due(self) -> tuple[int, float | None]:
         """Return the ticks to run now, or none and how long to wait; under the lock."""
-        slow = [one.name for one in self._subscriptions if one.is_waited_for()]
-        self._waits_for = slow[0] if slow else ""
+        slow = [one.name for one in self._subscriptions if one.needs_wait()]
+        self._awaited_recorder = slow[0] if slow else ""
         if slow:
             return 0, CHUNK_S
         chunk = max(1, math.floor(CHUNK_S * self._bench.rate * self._speed))
-        if self._paused:
-            ticks = min(self._steps, chunk)
-            self._steps -= ticks
+        if self._is_paused:
+            ticks = min(self._ticks_to_step, chunk)
+            self._ticks_to_step -= ticks
             return ticks, None
-        if self._bench.keeps_time:
+        if self._bench.has_own_clock:
             return chunk, None  # it waits for them
-        left = self._due(self._tick + chunk) - time.monotonic()
+        left = self._due_time(self._tick + chunk) - time.monotonic()
         return (0, left) if left > 0.0 else (chunk, None)
 
     def _advance(self, ticks: int) -> None:
         rows = self._bench.advance(ticks)
         with self._wake:
             self._tick = self._bench.tick
-            self._subscriptions = [one for one in self._subscriptions if not one.ended]
+            self._subscriptions = [one for one in self._subscriptions if not one.has_ended]
             subscriptions = list(self._subscriptions)
         for one in subscriptions if len(rows) else ():
-            one.give(rows)
+            one.put(rows)
         with self._wake:
-            if not self._paused:
-                self._note()
+            if not self._is_paused:
+                self._record_lateness()
 
-    def _note(self) -> None:
+    def _record_lateness(self) -> None:
         """Note how late the chunk was; give up the time where that is too much."""
         now = time.monotonic()
-        late = 0.0 if self._bench.keeps_time else now - self._due(self._tick)
+        late = 0.0 if self._bench.has_own_clock else now - self._due_time(self._tick)
         self._window.append((now, self._tick, late))
         while self._window[0][0] < now - _WINDOW_S and len(self._window) > 2:
             self._window.popleft()
-        if late > BEHIND_S:
-            self._slips += 1
-            self._lost += late
+        if late > MAX_LATENESS_S:
+            self._slip_count += 1
+            self._lost_time += late
             self._origin = (now, self._tick)
 
     def _end(self) -> None:
         with self._wake:
-            self._closing = True
+            self._is_closing = True
             left, self._todo = self._todo, deque()
             subscriptions = list(self._subscriptions)
         for one in subscriptions:
@@ -251,7 +253,7 @@ class PacedBench:
 
 
 @contextmanager
-def going_first(order: int = 1) -> Iterator[bool]:
+def raised_priority(order: int = 1) -> Iterator[bool]:
     """Let the calling thread go before all usual work meanwhile; gives whether the system allows it.
 
     The threads beside the pacer that run all the time need it too: one that is put aside while it
@@ -273,14 +275,14 @@ def going_first(order: int = 1) -> Iterator[bool]:
         os.sched_setscheduler(0, *before)
 
 
-def _checked(speed: float) -> float:
-    if not SLOWEST <= speed <= FASTEST:
-        text = f"speed {speed:g}: choose one from {SLOWEST:g} to {FASTEST:g}"
+def _check_speed(speed: float) -> float:
+    if not MIN_SPEED <= speed <= MAX_SPEED:
+        text = f"speed {speed:g}: choose one from {MIN_SPEED:g} to {MAX_SPEED:g}"
         raise InputError(text, code="out-of-range", key="speed")
     return speed
 
 
-_BEAT_S = 0.04
+_HEARTBEAT_PERIOD_S = 0.04
 """Between two heartbeats while nothing else is said, s of virtual time; a controller waits 0.1 s."""
 
 
@@ -289,21 +291,21 @@ class Heartbeat:
 
     def __init__(self, link: ControllerLink) -> None:
         self._link = link
-        self._beat = max(1, int(_BEAT_S * link.info.rate))
-        self._silent = 0
+        self._period_ticks = max(1, int(_HEARTBEAT_PERIOD_S * link.info.rate))
+        self._silent_ticks = 0
 
-    def let_pass(self, ticks: int) -> int:
+    def count_ticks(self, ticks: int) -> int:
         """Return how many of so many ticks may pass before the next beat; beats where it is due."""
-        if self._silent >= self._beat:
+        if self._silent_ticks >= self._period_ticks:
             self._link.status()
-            self._silent = 0
-        count = min(ticks, self._beat - self._silent)
-        self._silent += count
+            self._silent_ticks = 0
+        count = min(ticks, self._period_ticks - self._silent_ticks)
+        self._silent_ticks += count
         return count
 
     def restart(self) -> None:
         """Begin to count again: something else was said."""
-        self._silent = 0
+        self._silent_ticks = 0
 
 
 class LockStepBench(Bench):
@@ -313,7 +315,7 @@ class LockStepBench(Bench):
     of stands in its ``_open``, which ends with it.
     """
 
-    _open: ExitStack
+    _resources: ExitStack
     _bus: BusController | PlantBus
     link: ControllerLink  # its session; all its commands go over it
     _heartbeat: Heartbeat
@@ -336,4 +338,4 @@ class LockStepBench(Bench):
 
     def close(self) -> None:
         """End the firmware."""
-        self._open.close()
+        self._resources.close()

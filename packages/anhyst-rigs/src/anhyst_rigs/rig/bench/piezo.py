@@ -17,29 +17,29 @@ from anhyst.compensate.force_controller import ForceController
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, sine
 from anhyst.support.states import Command, Fault, State
-from anhyst_rigs.rig.bench.laps import LapBench
+from anhyst_rigs.rig.bench.laps import CycleBench
 from anhyst_rigs.rig.bench.protocol import (
-    LAP_COMMANDS,
-    STAGE_OWN,
-    Aim,
+    CYCLE_COMMANDS,
+    STAGE_STATE_SIGNALS,
+    DemandRange,
     Knobs,
     Parameter,
     Signal,
-    permit_stage,
+    check_stage_command,
 )
-from anhyst_rigs.rig.bench.settings import PLANTS, check_values
-from anhyst_rigs.rig.drift import NO_DRIFT, draw_plant, drifted_file
+from anhyst_rigs.rig.bench.settings import MAX_PLANT_NUMBER, check_values
+from anhyst_rigs.rig.drift import NO_DRIFT, drifted_file, sample_plant
 from anhyst_rigs.rig.piezo import (
-    SEED,
+    NOISE_SEED,
     PiezoRig,
-    at_rest,
-    controller_numbers,
-    piezo_loss,
-    rounded,
-    triangle,
+    controller_arguments,
+    copy_at_rest,
+    find_piezo_loss,
+    round_corners,
+    triangle_wave,
 )
 
-_READ = (
+_PIEZO_SIGNALS = (
     Signal("reference", "m", "position wanted: the triangle and the target beside it"),
     Signal("expected", "m", "what of the reference should show by now"),
     Signal("position", "m", "true position"),
@@ -51,22 +51,26 @@ _READ = (
 )
 
 
-class PiezoBench(LapBench):
+class PiezoBench(CycleBench):
     """A piezo stage that follows its triangle over and over.
 
     The inverses are the one without memory and the compensator, which the parameter
     ``compensation`` chooses by 0 and 1.
     """
 
-    signals = (*_READ, *STAGE_OWN)
-    commands = LAP_COMMANDS
+    signals = (*_PIEZO_SIGNALS, *STAGE_STATE_SIGNALS)
+    commands = CYCLE_COMMANDS
 
     def __init__(self, rig: PiezoRig, inverses: Sequence[ForceController]) -> None:
-        moved, rate = rig.settings.moved, float(rig.settings.timing.rate_Hz)
+        moved, rate = rig.settings.displacement_case, float(rig.settings.timing.rate_Hz)
         self.rig, self.rate = rig, rate
         self._inverses = tuple(inverses)
-        self._reach = inverses[0].scales.demand  # largest displacement of the measured loops
-        self.aim = Aim("position", "reference", "m", -moved.low_m, self._reach - moved.low_m, 0.0)
+        self._max_displacement = inverses[
+            0
+        ].scales.demand  # largest displacement of the measured loops
+        self.demand_range = DemandRange(
+            "position", "reference", "m", -moved.low_m, self._max_displacement - moved.low_m, 0.0
+        )
         self._values = {
             "compensation": 1.0,
             "bandwidth": rig.settings.displacement.bandwidth_Hz,
@@ -80,95 +84,111 @@ class PiezoBench(LapBench):
             Parameter("disturbance_stroke", "m", 0.0, stroke, "peak of a sine of a load", 0.0),
             Parameter("disturbance_frequency", "Hz", 0.0, rate / 4.0, "of this sine", 10.0),
         )
-        self._disturbed = 0  # tick of its phase zero
-        self._laps = 0
-        self._offset, self._above = 0.0, 0.0  # m: the target; the triangle over its low end
+        self._phase_zero_tick = 0  # tick of its phase zero
+        self._cycle_count = 0
+        self._offset, self._triangle_height = (
+            0.0,
+            0.0,
+        )  # m: the target; the triangle over its low end
         # ticks since the path began, whole periods since then, and at which part of one it began
-        self._since, self._whole, self._begun = 0, 0, 0.0
-        self._renew()
+        self._path_ticks, self._whole_periods, self._start_phase = 0, 0, 0.0
+        self._reset_plant()
 
-    def _renew(self) -> None:
+    def _reset_plant(self) -> None:
         """Put the plant in force, at long rest at 0 V."""
         settings, number = self.rig.settings, int(self._values["plant"])
-        drift, noise = NO_DRIFT, SEED
+        drift, noise = NO_DRIFT, NOISE_SEED
         if number:
-            drift, noise = draw_plant(settings, settings.seed, number - 1)
+            drift, noise = sample_plant(settings, settings.seed, number - 1)
         self._rng = np.random.default_rng(noise)
         plant = replace(self.rig, settings=drifted_file(settings, drift))
-        self._loop = PiezoLoop(plant.motion(self.rig.dt), settings.position_sensor.step_m)
-        self._drives = [at_rest(one) for one in self._inverses]
-        self._answers = np.zeros(len(self._drives))  # displacement that each expects of what flowed
-        self._at = 0  # ticks of this plant
-        self._late = math.ceil(self.rig.lateness * self.rate) + 1
-        self._past = np.full(self.rig.width + self._late, settings.moved.low_m)
-        self._above = 0.0
-        self._control(None)
+        self._loop = PiezoLoop(plant.make_motion(self.rig.dt), settings.position_sensor.step_m)
+        self._drives = [copy_at_rest(one) for one in self._inverses]
+        self._expected_displacements = np.zeros(
+            len(self._drives)
+        )  # displacement that each expects of what flowed
+        self._plant_ticks = 0  # ticks of this plant
+        self._delay_ticks = math.ceil(self.rig.response_delay * self.rate) + 1
+        self._past = np.full(
+            self.rig.corner_ticks + self._delay_ticks, settings.displacement_case.low_m
+        )
+        self._triangle_height = 0.0
+        self._set_controller(None)
 
-    def _control(self, before: int | None) -> None:
+    def _set_controller(self, before: int | None) -> None:
         """Put the controller in force that the parameters name, at rest or without a bump."""
         which, change = int(self._values["compensation"]), None
         if before is not None:
-            change = float(self._answers[which] - self._answers[before])
+            change = float(
+                self._expected_displacements[which] - self._expected_displacements[before]
+            )
         bandwidth = {"control.bandwidth_Hz": self._values["bandwidth"]}
-        rig = replace(self.rig, settings=self.rig.settings.changed(bandwidth))
+        rig = replace(self.rig, settings=self.rig.settings.with_changes(bandwidth))
         drive = self._drives[which]
-        self._loop.control(drive.native, **controller_numbers(rig, drive), change=change)
+        self._loop.control(drive.native, **controller_arguments(rig, drive), change=change)
 
-    def _turn(self) -> None:
-        if self._state is State.RUN and self._since:
-            if self._turns(1).size:
+    def _apply_staged(self) -> None:
+        if self._state is State.RUN and self._path_ticks:
+            if self._period_phases(1).size:
                 return
-            self._whole += 1
-            self._laps += 1
-            self._above = 0.0
+            self._whole_periods += 1
+            self._cycle_count += 1
+            self._triangle_height = 0.0
         if self._staged:
-            self._take()
-            self._since = 0
-        if self._state is State.RUN and not self._since:
+            self._take_staged()
+            self._path_ticks = 0
+        if self._state is State.RUN and not self._path_ticks:
             stroke = self._values["stroke"]
             # from where it is held on upwards
-            self._begun = min(0.5 * self._above / stroke, 0.5) if stroke else 0.0
-            self._whole = 0
+            self._start_phase = min(0.5 * self._triangle_height / stroke, 0.5) if stroke else 0.0
+            self._whole_periods = 0
 
-    def _take(self) -> None:
+    def _take_staged(self) -> None:
         before, staged, self._staged = int(self._values["compensation"]), self._staged, {}
         self._values |= staged
         if "plant" in staged:
-            self._renew()
+            self._reset_plant()
         elif not staged.keys().isdisjoint(("compensation", "bandwidth")):
-            self._control(before)
+            self._set_controller(before)
 
-    def _turns(self, n: int) -> FloatArray:
+    def _period_phases(self, n: int) -> FloatArray:
         """Return where the next ticks are in periods, those of the present one alone."""
-        ticks = np.arange(self._since, self._since + n, dtype=np.float64)
-        turns: FloatArray = ticks * self._values["frequency"] / self.rate + self._begun
-        return turns[np.floor(turns) <= self._whole]
+        ticks = np.arange(self._path_ticks, self._path_ticks + n, dtype=np.float64)
+        turns: FloatArray = ticks * self._values["frequency"] / self.rate + self._start_phase
+        return turns[np.floor(turns) <= self._whole_periods]
 
-    def _run(self, n: int) -> FloatArray:
+    def _run_ticks(self, n: int) -> FloatArray:
         runs = self._state is State.RUN
-        above = np.full(n, self._above)
+        above = np.full(n, self._triangle_height)
         if runs:
-            above = self._values["stroke"] * triangle(self._turns(n))
+            above = self._values["stroke"] * triangle_wave(self._period_phases(n))
         n, rig, settings = above.size, self.rig, self.rig.settings
-        path = np.concatenate([self._past, settings.moved.low_m + above + self._offset])
-        wanted = rounded(path, rig.width)
-        time = rig.dt * np.arange(self._at - self._late, self._at + n, dtype=np.float64)
-        expected = np.interp(time[self._late :] - rig.lateness, time, wanted)
-        wanted = wanted[self._late :]
+        path = np.concatenate([self._past, settings.displacement_case.low_m + above + self._offset])
+        wanted = round_corners(path, rig.corner_ticks)
+        time = rig.dt * np.arange(
+            self._plant_ticks - self._delay_ticks, self._plant_ticks + n, dtype=np.float64
+        )
+        expected = np.interp(time[self._delay_ticks :] - rig.response_delay, time, wanted)
+        wanted = wanted[self._delay_ticks :]
         noise = settings.position_sensor.noise_m * self._rng.standard_normal(n)
-        ticks = np.arange(n) + (self.tick + 1 - self._disturbed)
+        ticks = np.arange(n) + (self.tick + 1 - self._phase_zero_tick)
         wave = sine(self._knobs["disturbance_frequency"] * rig.dt * ticks)
         load = self._knobs["disturbance_stroke"] * wave + 0.0  # no minus zero where there is none
         table = self._loop.run(wanted, expected, noise, load)
         position, read, demand, voltage = table.T.copy()
         error = position - expected
-        loss = piezo_loss(rig, error, demand - wanted)
+        loss = find_piezo_loss(rig, error, demand - wanted)
         kept = n if loss is None else loss.tick + 1
-        self._past, self._above = path[n:], float(above[-1])
-        self._at, self._since = self._at + n, self._since + n if runs else 0
+        self._past, self._triangle_height = path[n:], float(above[-1])
+        self._plant_ticks, self._path_ticks = (
+            self._plant_ticks + n,
+            self._path_ticks + n if runs else 0,
+        )
         for k, drive in enumerate(self._drives):
             in_force = k == int(self._values["compensation"])
-            self._answers[k] = demand[-1] if in_force else drive.follow(voltage, np.zeros(n))[-1]
+            self._expected_displacements[k] = (
+                demand[-1] if in_force else drive.follow(voltage, np.zeros(n))[-1]
+            )
         of_loop = (wanted, expected, position, read, error, demand, voltage, load)
         rows = self._rows(kept, *(one[:kept] for one in of_loop))
         if loss is not None:
@@ -177,13 +197,13 @@ class PiezoBench(LapBench):
 
     def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
-        lap = self._laps if self._state is State.RUN else 0
+        lap = self._cycle_count if self._state is State.RUN else 0
         own = [np.full(n, float(one)) for one in (self._state, self._fault, lap)]
         self.tick += n
         return np.column_stack([numbers, *of_loop, *own])
 
-    def _lie(self, n: int) -> FloatArray:  # at 0 V
-        return self._rows(n, *np.zeros((len(_READ), n)))
+    def _lost_rows(self, n: int) -> FloatArray:  # at 0 V
+        return self._rows(n, *np.zeros((len(_PIEZO_SIGNALS), n)))
 
     def command(self, command: Command) -> None:
         """Give a command; a stop holds the stage where it is, whatever the state."""
@@ -191,28 +211,28 @@ class PiezoBench(LapBench):
             if self._state is State.RUN:
                 self._state = State.READY
             return
-        permit_stage(command, self.commands, self._state)
+        check_stage_command(command, self.commands, self._state)
         if command is Command.RUN:
-            self._state, self._since, self._offset = State.RUN, 0, 0.0
-            self._laps += 1
+            self._state, self._path_ticks, self._offset = State.RUN, 0, 0.0
+            self._cycle_count += 1
         else:
             self._state, self._fault = State.READY, Fault.NONE
-            self._renew()
+            self._reset_plant()
 
     def demand(self, value: float) -> None:
         """Demand a place beside the triangle, or beside where the stage is held, m."""
-        self.aim.check(value)
-        self._check_reach(value, self._staged)
+        self.demand_range.check(value)
+        self._check_displacement(value, self._staged)
         self._offset = value
 
-    def _check_reach(self, offset: float, staged: Mapping[str, float]) -> None:
+    def _check_displacement(self, offset: float, staged: Mapping[str, float]) -> None:
         """Refuse to go beyond what the stack reaches, now and with what is staged."""
         strokes = self._values["stroke"], staged.get("stroke", 0.0)
-        above = max(strokes) if self._state is State.RUN else self._above
-        top = self.rig.settings.moved.low_m + above + offset
-        if top > self._reach * (1.0 + 1e-9):
+        above = max(strokes) if self._state is State.RUN else self._triangle_height
+        top = self.rig.settings.displacement_case.low_m + above + offset
+        if top > self._max_displacement * (1.0 + 1e-9):
             raise InputError(
-                f"the stage would go to {1e6 * top:.3g} um, the stack to {1e6 * self._reach:.3g} um; "
+                f"the stage would go to {1e6 * top:.3g} um, the stack to {1e6 * self._max_displacement:.3g} um; "
                 "lower the target or the stroke",
                 code="out-of-range",
             )
@@ -223,36 +243,52 @@ class PiezoBench(LapBench):
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return all that may be changed, with the values in force once a period begins."""
-        own, moved, values = self.rig.settings, self.rig.settings.moved, self._values | self._staged
+        own, moved, values = (
+            self.rig.settings,
+            self.rig.settings.displacement_case,
+            self._values | self._staged,
+        )
         bandwidth, slow = own.displacement.bandwidth_Hz, moved.frequency_Hz
         fast = max(slow, min(self.rate / 20.0, 0.25 / max(moved.corner_s, self.rig.dt)))
         off, on = (one.method for one in self._inverses)
         known = (
             ("compensation", "", 0.0, 1.0, f"1: {on}; 0: {off}"),
             ("bandwidth", "Hz", 0.1 * bandwidth, 5.0 * bandwidth, "of the integrator"),
-            ("stroke", "m", 0.0, self._reach - moved.low_m, "of the triangle, peak to peak"),
+            (
+                "stroke",
+                "m",
+                0.0,
+                self._max_displacement - moved.low_m,
+                "of the triangle, peak to peak",
+            ),
             ("frequency", "Hz", 0.05 * slow, fast, "of the triangle"),
-            ("plant", "", 0.0, float(PLANTS), "0: as the file says; n: as drawn n-th of [spread]"),
+            (
+                "plant",
+                "",
+                0.0,
+                float(MAX_PLANT_NUMBER),
+                "0: as the file says; n: as drawn n-th of [spread]",
+            ),
         )
         return (*(Parameter(*one, values[one[0]]) for one in known), *self._knobs.parameters())
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Put parameters in force as the next period begins; a disturbance on the next tick."""
-        check_values(values, self.parameters(), whole=("compensation", "plant"))
+        check_values(values, self.parameters(), integer_names=("compensation", "plant"))
         staged = {name: one for name, one in values.items() if name in self._values}
         if staged and self._state is State.FAULT:
             raise InputError("the stage is lost: press clear first", code="wrong-state")
-        self._check_reach(self._offset, self._staged | staged)
+        self._check_displacement(self._offset, self._staged | staged)
         self._knobs.apply(values)
         if "disturbance_frequency" in values:
-            self._disturbed = self.tick + 1
+            self._phase_zero_tick = self.tick + 1
         self._staged |= staged
-        return self._due if staged else self.tick + 1
+        return self._next_period_tick if staged else self.tick + 1
 
     @property
-    def _due(self) -> int:
+    def _next_period_tick(self) -> int:
         """The tick on which the next period begins."""
-        if self._state is not State.RUN or not self._since:
+        if self._state is not State.RUN or not self._path_ticks:
             return self.tick + 1
         period = self.rate / self._values["frequency"]
-        return self.tick + 1 + self._turns(math.ceil(period) + 1).size
+        return self.tick + 1 + self._period_phases(math.ceil(period) + 1).size

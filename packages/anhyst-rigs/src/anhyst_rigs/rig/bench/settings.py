@@ -8,13 +8,13 @@ from typing import NamedTuple, Protocol
 
 from anhyst.support.errors import InputError
 from anhyst.support.xcp_map import HEARTBEAT_MS
-from anhyst_rigs.link.client import Refused
+from anhyst_rigs.link.client import RequestRefusedError
 from anhyst_rigs.link.frames import SETTINGS, Setting
 from anhyst_rigs.link.virtual_boards import Q30, Q31
 from anhyst_rigs.rig.bench.protocol import Parameter
 from anhyst_rigs.rig.file import RigFile
 
-_GAINS = {
+_GAIN_SETTINGS = {
     Setting.GAIN_P: ("N/m", "K_p of the controller of position"),
     Setting.GAIN_I: ("N/(m s)", "its K_i"),
     Setting.GAIN_D: ("N s/m", "its K_d"),
@@ -23,7 +23,7 @@ _GAINS = {
 """Of which a firmware takes shares of what was compiled; one of zero stays zero."""
 
 
-PLANTS = 999
+MAX_PLANT_NUMBER = 999
 """Drawn ones that can be asked for."""
 
 
@@ -37,7 +37,7 @@ class SettingsLine(Protocol):
         """Set a setting from the next tick on; returns what the controller has now."""
 
 
-class KnownSetting(NamedTuple):
+class SettingSpec(NamedTuple):
     """A setting in SI units."""
 
     name: str  # as of :class:`anhyst_rigs.rig.bench.protocol.Parameter`
@@ -46,43 +46,48 @@ class KnownSetting(NamedTuple):
     low: float
     high: float
     # what one of its codes means; 1 for numbers of something, which have no values in between
-    code: float
+    value_per_code: float
     doc: str
 
-    def coded(self, value: float) -> int:
+    def encode(self, value: float) -> int:
         """Return the code of a value."""
-        if self.code == 1.0 and value != round(value):
+        if self.value_per_code == 1.0 and value != round(value):
             text = f"{self.name}: is {value:g}; choose {self.low:g} or {self.high:g}"
             raise InputError(text, code="out-of-range", key=self.name)
         most = SETTINGS[self.setting]
-        return min(max(round(value / self.code), most.low), most.high)
+        return min(max(round(value / self.value_per_code), most.low), most.high)
 
 
 class ControllerSettings:
     """Settings that are read and written over a line."""
 
-    def __init__(self, line: SettingsLine, known: Sequence[KnownSetting]) -> None:
+    def __init__(self, line: SettingsLine, known: Sequence[SettingSpec]) -> None:
         self._line = line
-        self._known = tuple(known)
-        self._codes = {one.setting: line.read_setting(one.setting) for one in self._known}
+        self._specs = tuple(known)
+        self._codes = {one.setting: line.read_setting(one.setting) for one in self._specs}
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return them, with the values in force."""
         return tuple(
             Parameter(
-                one.name, one.unit, one.low, one.high, one.doc, self._codes[one.setting] * one.code
+                one.name,
+                one.unit,
+                one.low,
+                one.high,
+                one.doc,
+                self._codes[one.setting] * one.value_per_code,
             )
-            for one in self._known
+            for one in self._specs
         )
 
-    def write(self, values: Mapping[str, float], runs: bool) -> None:
+    def write(self, values: Mapping[str, float], is_running: bool) -> None:
         """Write some of them, all or none; what is no setting is left alone."""
-        codes = {one: one.coded(values[one.name]) for one in self._known if one.name in values}
+        codes = {one: one.encode(values[one.name]) for one in self._specs if one.name in values}
         changed = {
             one.setting: code for one, code in codes.items() if code != self._codes[one.setting]
         }
         for setting in changed:
-            if runs and not SETTINGS[setting].while_running:
+            if is_running and not SETTINGS[setting].while_running:
                 raise InputError(
                     f"{setting.name.lower()}: stays as it is while the controller runs; stop it "
                     "first",
@@ -92,53 +97,57 @@ class ControllerSettings:
         before = {setting: self._codes[setting] for setting in changed}
         try:
             self._send(changed)
-        except Refused:
+        except RequestRefusedError:
             self._send(before)
             raise
 
     def _send(self, codes: Mapping[Setting, int]) -> None:
         for setting, code in codes.items():
             self._codes[setting] = self._line.write_setting(setting, code)
-        if not _GAINS.keys().isdisjoint(codes):
+        if not _GAIN_SETTINGS.keys().isdisjoint(codes):
             self._line.write_setting(Setting.GAINS, 1)  # the shares that stand there now
 
 
-_EITHER = "1: the compensator; 0: the constant ratio"
-_COMPENSATION = KnownSetting("compensation", Setting.COMPENSATION, "", 0.0, 1.0, 1.0, _EITHER)
+_COMPENSATION_DOC = "1: the compensator; 0: the constant ratio"
+_COMPENSATION = SettingSpec(
+    "compensation", Setting.COMPENSATION, "", 0.0, 1.0, 1.0, _COMPENSATION_DOC
+)
 
 
-def force_settings(demand: float, current: float, rate: float) -> tuple[KnownSetting, ...]:
+def force_settings(demand: float, current: float, rate: float) -> tuple[SettingSpec, ...]:
     """Return the settings of a controller of force."""
     most, ratio = demand * rate, current / demand
     slew, of_ratio = "largest slope of the demand", "constant ratio of current to force"
     follow = "0: the memory follows the current driven; 1: measured"
     return (
-        KnownSetting("demand_slew", Setting.DEMAND_SLEW, "N/s", most / Q31, most, most / Q31, slew),
+        SettingSpec("demand_slew", Setting.DEMAND_SLEW, "N/s", most / Q31, most, most / Q31, slew),
         _COMPENSATION,
-        KnownSetting("ratio", Setting.RATIO, "A/N", 0.0, 2.0 * ratio, ratio / Q30, of_ratio),
-        KnownSetting("follow", Setting.FOLLOW, "", 0.0, 1.0, 1.0, follow),
+        SettingSpec("ratio", Setting.RATIO, "A/N", 0.0, 2.0 * ratio, ratio / Q30, of_ratio),
+        SettingSpec("follow", Setting.FOLLOW, "", 0.0, 1.0, 1.0, follow),
     )
 
 
-def position_settings(gains: Sequence[float]) -> tuple[KnownSetting, ...]:
+def position_settings(gains: Sequence[float]) -> tuple[SettingSpec, ...]:
     """Return the settings of a controller of position."""
     settings = [_COMPENSATION]
-    for (setting, (unit, doc)), gain in zip(_GAINS.items(), gains, strict=True):
+    for (setting, (unit, doc)), gain in zip(_GAIN_SETTINGS.items(), gains, strict=True):
         if gain == 0.0:
             continue
         code, most = gain / Q30, SETTINGS[setting]
         low, high = sorted((code * most.low, code * most.high))
-        settings.append(KnownSetting(setting.name.lower(), setting, unit, low, high, code, doc))
+        settings.append(SettingSpec(setting.name.lower(), setting, unit, low, high, code, doc))
     return tuple(settings)
 
 
-_SLOWER = 2.0
+_AMPLIFIER_MARGIN = 2.0
 """Expected lag and sweep of an amplifier, in units of those that its rig file states."""
-_DELAY_TICKS = 2.0
+_MAX_DELAY_TICKS = 2.0
 """Ticks from a driven current to the sample that shows it, at most."""
 
 
-def expect_amplifier(line: SettingsLine, file: RigFile, slew: float, full_scale: float) -> None:
+def set_expected_amplifier(
+    line: SettingsLine, file: RigFile, slew: float, full_scale: float
+) -> None:
     """Let a controller expect the amplifier of its rig, or one of its defaults if that is slower.
 
     The current can change by `slew`, A/s; `full_scale` is that of the controller, A.
@@ -146,24 +155,24 @@ def expect_amplifier(line: SettingsLine, file: RigFile, slew: float, full_scale:
     rate, amplifier = file.timing.rate_Hz, file.amplifier
     lag = (1.0 / amplifier.bandwidth_Hz + 1.0 / file.current_sensor.bandwidth_Hz) / math.tau
     times = {
-        Setting.CURRENT_LAG_TICKS: lag + amplifier.delay_s + _DELAY_TICKS / rate,
+        Setting.CURRENT_LAG_TICKS: lag + amplifier.delay_s + _MAX_DELAY_TICKS / rate,
         Setting.CURRENT_SWEEP_TICKS: full_scale / slew,
     }
     for setting, seconds in times.items():
-        ticks = math.ceil(min(_SLOWER * seconds, 1e-3 * HEARTBEAT_MS) * rate)
+        ticks = math.ceil(min(_AMPLIFIER_MARGIN * seconds, 1e-3 * HEARTBEAT_MS) * rate)
         if ticks > line.read_setting(setting):
             line.write_setting(setting, min(ticks, int(1e-3 * HEARTBEAT_MS * rate)))
 
 
-def heartbeat_setting(rate: float) -> KnownSetting:
+def heartbeat_setting(rate: float) -> SettingSpec:
     """Return how long a controller waits for its operator, at so many ticks a second."""
     low, high = SETTINGS[Setting.HEARTBEAT_TICKS].low / rate, 1e-3 * HEARTBEAT_MS
     doc = "without a sign of life for so long the controller goes to rest"
-    return KnownSetting("heartbeat", Setting.HEARTBEAT_TICKS, "s", low, high, 1.0 / rate, doc)
+    return SettingSpec("heartbeat", Setting.HEARTBEAT_TICKS, "s", low, high, 1.0 / rate, doc)
 
 
 def check_values(
-    values: Mapping[str, float], parameters: Sequence[Parameter], whole: Sequence[str] = ()
+    values: Mapping[str, float], parameters: Sequence[Parameter], integer_names: Sequence[str] = ()
 ) -> None:
     """Refuse values that a bench cannot take, and of whole numbers those between."""
     known = {parameter.name: parameter for parameter in parameters}
@@ -179,7 +188,7 @@ def check_values(
                 code="out-of-range",
                 key=name,
             )
-        if name in whole and value % 1.0:
+        if name in integer_names and value % 1.0:
             text = f"{name}: is {value:g}; choose a whole number"
             raise InputError(text, code="out-of-range", key=name)
 
@@ -196,7 +205,13 @@ def stage_parameters(
         ("gain_snap", "s2", -1e-6, 1e-6, "and of the snap"),
         ("crossover", "Hz", 0.25 * crossover, 1.5 * crossover, "of the position loop"),
         ("motion", "", 0.1, 1.0, "part of the accelerations that the rig file states"),
-        ("plant", "", 0.0, float(PLANTS), "0: as the file says; n: as drawn n-th of [spread]"),
+        (
+            "plant",
+            "",
+            0.0,
+            float(MAX_PLANT_NUMBER),
+            "0: as the file says; n: as drawn n-th of [spread]",
+        ),
     )
     return tuple(
         Parameter(name, unit, low, high, doc, values[name]) for name, unit, low, high, doc in known

@@ -19,66 +19,87 @@ from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command, Fault, Phase, State
-from anhyst_rigs.rig.bench.body import layout_of, lying, pulls
-from anhyst_rigs.rig.bench.laps import LapBench
+from anhyst_rigs.rig.bench.body import body_layout, magnet_pulls, resting_values
+from anhyst_rigs.rig.bench.laps import CycleBench
 from anhyst_rigs.rig.bench.protocol import (
-    ALONG,
+    SCAN_SIGNALS,
     STAGE_COMMANDS,
-    STAGE_OWN,
-    Aim,
+    STAGE_STATE_SIGNALS,
+    DemandRange,
     Parameter,
     Signal,
-    of_axes_and_magnets,
-    permit_stage,
+    axis_and_magnet_signals,
+    check_stage_command,
 )
 from anhyst_rigs.rig.bench.settings import check_values, stage_parameters
-from anhyst_rigs.rig.drift import NO_DRIFT, draw_plant, drifted_plant
+from anhyst_rigs.rig.drift import NO_DRIFT, drifted_plant, sample_plant
 from anhyst_rigs.rig.loop import ClosedLoop
-from anhyst_rigs.rig.plant import current_loops
-from anhyst_rigs.rig.recording import CURRENTS, Loss, Recording, column, of_magnets, peak
-from anhyst_rigs.rig.stage.drives import largest_push
-from anhyst_rigs.rig.stage.geometry import along_scan, scan_direction
-from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, fed_wrench, pid, scenario_along
-from anhyst_rigs.rig.stage.recording import WRENCH, demand_columns, of_axes, recorded, stage_loss
+from anhyst_rigs.rig.plant import current_controllers
+from anhyst_rigs.rig.recording import (
+    CURRENT_SIGNALS,
+    Loss,
+    Recording,
+    column_name,
+    magnet_columns,
+    peak_deviation,
+)
+from anhyst_rigs.rig.stage.drives import largest_wrench_factor
+from anhyst_rigs.rig.stage.geometry import scan_direction, scan_wrench
+from anhyst_rigs.rig.stage.loop import (
+    Feedforward,
+    StageSetup,
+    feedforward_wrench,
+    pid_coefficients,
+    scan_scenario,
+)
+from anhyst_rigs.rig.stage.recording import (
+    WRENCH_UNITS,
+    axis_columns,
+    demand_columns,
+    find_stage_loss,
+    recording_columns,
+)
 from anhyst_rigs.rig.stage.setpoint import (
-    STRAY_LATE,
-    Course,
+    STRAY_DELAY_S,
+    SampledMotion,
     SetPoint,
-    braking,
-    course_of,
-    motion_of,
-    strayed,
+    frame_stray_from,
+    plan_braking,
+    sample_motion,
+    scan_motion,
 )
 
-CARRIED_S = 1e-3
+CARRY_OVER_S = 1e-3
 """Over which the force of the integral is taken that another controller goes on with, s."""
-REMEMBERED = 4
+REMEMBERED_CYCLES = 4
 """Set-points of which it is kept what flowed, for another law to follow."""
-LOAD = 0.5
+MAX_LOAD_SHARE = 0.5
 """Of what the largest force has left beside the set-point: what the load drive may pull with."""
-GAINS = ("acceleration", "jerk", "snap")
+FEEDFORWARD_GAINS = ("acceleration", "jerk", "snap")
 """Of :class:`anhyst_rigs.rig.stage.loop.Feedforward`."""
-PHASES = 16
+PHASES_PER_STATE = 16
 """In the state that a loop records: times the state of the controller."""
-LAPS = 100
+MAX_CYCLES = 100
 """Of which it is known how they were followed."""
 
 
-class StageLap(NamedTuple):
+class StageCycle(NamedTuple):
     """A set-point that was followed, or is."""
 
     number: int
-    begin: int  # its first tick
-    ticks: int
-    known: int  # from this tick on it is to be looked at what flowed: before, nothing is remembered
+    first_tick: int  # its first tick
+    tick_count: int
+    history_start: (
+        int  # from this tick on it is to be looked at what flowed: before, nothing is remembered
+    )
     motion: SetPoint
-    under: tuple[object, ...]  # plant, gains and all else in force but what is learnt
+    conditions: tuple[object, ...]  # plant, gains and all else in force but what is learnt
     setup: StageSetup  # in force, with what was learnt
 
     @property
-    def end(self) -> int:
+    def last_tick(self) -> int:
         """Its last tick."""
-        return self.begin + self.ticks - 1
+        return self.first_tick + self.tick_count - 1
 
     @property
     def method(self) -> MethodName:
@@ -86,7 +107,7 @@ class StageLap(NamedTuple):
         return self.setup.method
 
 
-class StageBench(LapBench):
+class StageBench(CycleBench):
     """A stage that follows its set-point over and over.
 
     The setups are the one without memory and the compensator, which its parameter
@@ -95,9 +116,9 @@ class StageBench(LapBench):
     controller lifts the body and sets it down: idle it lies without a current, ready it is held.
     """
 
-    lifted = 0  # tick on which it was lifted last from a rest without current
-    _between = False  # whether it is lifted or set down
-    _order = Command.NONE  # to the controller, at the next tick
+    lift_tick = 0  # tick on which it was lifted last from a rest without current
+    _is_lifting_or_landing = False  # whether it is lifted or set down
+    _next_command = Command.NONE  # to the controller, at the next tick
     commands = STAGE_COMMANDS
 
     def __init__(
@@ -108,19 +129,26 @@ class StageBench(LapBench):
         rig = setups[0].rig
         self.rig, self.rate = rig, 1.0 / rig.dt
         file, self._magnets = rig.settings, len(rig.settings.magnets)
-        each = of_axes_and_magnets(file.body.free, [magnet.name for magnet in file.placed])
+        each = axis_and_magnet_signals(
+            file.body.free, [magnet.name for magnet in file.body_magnets]
+        )
         flight = Signal("flight", "", "what its controller does: Phase of anhyst.support.states")
-        self.signals = (*ALONG, *each, flight, *STAGE_OWN)
-        self.laps: deque[StageLap] = deque(maxlen=LAPS)
-        self._peak = max(file.scan.test_m_per_s2)
-        left = largest_push(file, along_scan(file)) - file.body.mass_kg * self._peak
-        self.load_most = LOAD * max(left, 0.0)
+        self.signals = (*SCAN_SIGNALS, *each, flight, *STAGE_STATE_SIGNALS)
+        self.cycles: deque[StageCycle] = deque(maxlen=MAX_CYCLES)
+        self._max_acceleration = max(file.scan.test_m_per_s2)
+        left = (
+            largest_wrench_factor(file, scan_wrench(file))
+            - file.body.mass_kg * self._max_acceleration
+        )
+        self.max_load = MAX_LOAD_SHARE * max(left, 0.0)
         ways = zip(file.body.free, np.eye(len(file.body.free)), strict=True)
-        self._push_most = {f"push_{axis}": LOAD * largest_push(file, way) for axis, way in ways}
-        self._push = dict.fromkeys(self._push_most, 0.0)  # in force
+        self._max_pushes = {
+            f"push_{axis}": MAX_LOAD_SHARE * largest_wrench_factor(file, way) for axis, way in ways
+        }
+        self._pushes = dict.fromkeys(self._max_pushes, 0.0)  # in force
         # a step of the target by so much asks for the largest force at once
-        most = file.tracking.force_max_N / pid(rig)["b0"]
-        self.aim = Aim("position", "reference", "m", -most, most, 0.0)
+        most = file.tracking.force_max_N / pid_coefficients(rig)["b0"]
+        self.demand_range = DemandRange("position", "reference", "m", -most, most, 0.0)
         self.setups = tuple(setups)  # as the files say
         self._setups, self._gains = list(setups), list(gains)
         self._values = {
@@ -130,165 +158,185 @@ class StageBench(LapBench):
             "plant": 0.0,
         }
         self._staged: dict[str, float] = {}
-        self._corrected: dict[int, StageSetup] = {}
-        self._laps, self._lap = 0, 0
-        self._offset, self._load, self._side = 0.0, 0.0, 1.0
+        self._corrected_setups: dict[int, StageSetup] = {}
+        self._cycle_count, self._cycle_number = 0, 0
+        self._offset, self._load, self._next_direction = 0.0, 0.0, 1.0
         # what the controller did at the last ticks
-        self._flights = np.zeros(0)
-        self._move(1.0)
-        self._renew()
+        self._phases = np.zeros(0)
+        self._set_motion(1.0)
+        self._reset_plant()
 
     @property
     def body(self) -> Mapping[str, Any]:
         """What a picture of the body is drawn from, SI."""
-        return {**layout_of(self.rig.settings), "way": peak(self._way.position)}
+        return {**body_layout(self.rig.settings), "way": peak_deviation(self._scan_course.position)}
 
     @property
     def _setup(self) -> StageSetup:
         return self._setups[int(self._values["compensation"])]
 
-    def _move(self, share: float) -> None:
+    def _set_motion(self, share: float) -> None:
         """Take the accelerations of the file by a share; the set-point comes to rest at its end."""
         scan = self.rig.settings.scan
         peaks = [share * peak for peak in (*scan.test_m_per_s2, scan.test_m_per_s2[0])]
-        self._motion = replace(motion_of(scan, peaks), rests=True)
-        self._way = course_of(self._motion, self.rig.dt, self.rig.late)
+        self._motion = replace(scan_motion(scan, peaks), has_final_rest=True)
+        self._scan_course = sample_motion(self._motion, self.rig.dt, self.rig.loop_delay)
 
-    def _renew(self) -> None:
+    def _reset_plant(self) -> None:
         """Put the plant in force where it works, at rest, its iron demagnetised."""
         number = int(self._values["plant"])
         settings = self.rig.settings
         drift, noise = NO_DRIFT, 0
         if number:
-            drift, noise = draw_plant(settings, settings.seed, number - 1)
-        self._cable = drift.cable
+            drift, noise = sample_plant(settings, settings.seed, number - 1)
+        self._cable_stiffness = drift.cable
         self._plant = drifted_plant(self.rig, drift, noise)
-        along, stray = scan_direction(settings), float(self._strayed(1, 0.0)[0])
+        along, stray = scan_direction(settings), float(self._next_stray(1, 0.0)[0])
         self._plant.place((-stray * along).tolist(), [0.0] * along.size)
-        self._course: Course | None = None
-        self._at, self._place = 0, 0.0
-        self._past = np.zeros(round(STRAY_LATE / self.rig.dt))  # accelerations
-        self._flowed: deque[FloatArray] = deque()
+        self._active_course: SampledMotion | None = None
+        self._course_tick, self._course_start = 0, 0.0
+        self._past_accelerations = np.zeros(round(STRAY_DELAY_S / self.rig.dt))  # accelerations
+        self._history: deque[FloatArray] = deque()
         free = len(self.rig.settings.body.free)
-        self._latest = np.zeros((0, 2 * (self._magnets + free)))
-        self._carried = np.zeros(free)
-        self._known = self.switched = self.tick + 1  # first tick with demagnetised iron
-        self._control()
+        self._latest_history = np.zeros((0, 2 * (self._magnets + free)))
+        self._integral_wrench = np.zeros(free)
+        self._history_start = self.plant_tick = self.tick + 1  # first tick with demagnetised iron
+        self._set_controller()
 
-    def _control(self) -> None:
+    def _set_controller(self) -> None:
         """Put a controller in force that remembers what flowed; the integral of the loop goes on."""
         rig = self._setup.rig
-        settings = rig.settings.changed({"control.crossover_Hz": self._values["crossover"]})
+        settings = rig.settings.with_changes({"control.crossover_Hz": self._values["crossover"]})
         setup = replace(self._setup, rig=replace(rig, settings=settings))
         # the loop keeps the drives alive
-        drives = [self._remembering(setup, k) for k in range(self._magnets)]
+        drives = [self._compensator_with_history(setup, k) for k in range(self._magnets)]
         controller = setup.make_controller(drives)
-        self._loop = ClosedLoop(self._plant, controller, current_loops(setup.rig))
-        if len(self._latest):
-            wanted, fed = np.split(self._latest[:, 2 * self._magnets :], 2, axis=1)
-            self._carried = np.array([np.mean(one) for one in (wanted - fed).T])
+        self._loop = ClosedLoop(self._plant, controller, current_controllers(setup.rig))
+        if len(self._latest_history):
+            wanted, fed = np.split(self._latest_history[:, 2 * self._magnets :], 2, axis=1)
+            self._integral_wrench = np.array([np.mean(one) for one in (wanted - fed).T])
         # a controller begins in flight
-        self._order = Command.IDLE if self._state is State.IDLE else Command.NONE
+        self._next_command = Command.IDLE if self._state is State.IDLE else Command.NONE
 
-    def _remembering(self, setup: StageSetup, magnet: int) -> ForceController:
+    def _compensator_with_history(self, setup: StageSetup, magnet: int) -> ForceController:
         """Return a compensator that has followed what flowed in a magnet."""
-        drive = setup.fresh()[magnet]
-        path = np.concatenate([*self._flowed, self._latest[-1:]])
+        drive = setup.make_compensators()[magnet]
+        path = np.concatenate([*self._history, self._latest_history[-1:]])
         if len(path):
-            scale, zero = (1.0, 0.0) if setup.correction is None else setup.correction[magnet, :2]
+            scale, zero = (
+                (1.0, 0.0) if setup.correction_rows is None else setup.correction_rows[magnet, :2]
+            )
             drive.follow(scale * path[:, magnet], path[:, self._magnets + magnet] - zero)
         return drive
 
-    def _turn(self) -> None:
-        if self._course is not None:
-            if self._at < len(self._course):
+    def _apply_staged(self) -> None:
+        if self._active_course is not None:
+            if self._course_tick < len(self._active_course):
                 return
-            self._place += float(self._course.position[-1])
-            if self._lap:
-                self._known = self.laps[-1].begin
-            self._course, self._lap = None, 0
-        if self._between:
+            self._course_start += float(self._active_course.position[-1])
+            if self._cycle_number:
+                self._history_start = self.cycles[-1].first_tick
+            self._active_course, self._cycle_number = None, 0
+        if self._is_lifting_or_landing:
             return
-        if self._staged or self._corrected:
-            self._take()
+        if self._staged or self._corrected_setups:
+            self._take_staged()
         if self._state is State.RUN:
-            self._begin(self._way if self._side > 0.0 else self._way.back())
-            self._laps += 1
-            self._lap, self._side = self._laps, -self._side
-            pushed = self._load, *self._push.values()
+            self._begin_course(
+                self._scan_course if self._next_direction > 0.0 else self._scan_course.reverse()
+            )
+            self._cycle_count += 1
+            self._cycle_number, self._next_direction = self._cycle_count, -self._next_direction
+            pushed = self._load, *self._pushes.values()
             under = (*self._values.values(), *self._gains, *pushed)
-            begin, ticks = self.tick + 1, len(self._way)
-            lap = StageLap(self._lap, begin, ticks, self._known, self._motion, under, self._setup)
-            self.laps.append(lap)
+            begin, ticks = self.tick + 1, len(self._scan_course)
+            lap = StageCycle(
+                self._cycle_number,
+                begin,
+                ticks,
+                self._history_start,
+                self._motion,
+                under,
+                self._setup,
+            )
+            self.cycles.append(lap)
 
-    def _begin(self, course: Course) -> None:
-        self._course, self._at = course, 0
+    def _begin_course(self, course: SampledMotion) -> None:
+        self._active_course, self._course_tick = course, 0
         # nothing of the small loops at rest is kept: the next lap wipes them out
-        self._flowed.append(self._latest[-1:])
-        while sum(map(len, self._flowed)) > REMEMBERED * len(self._way):
-            self._flowed.popleft()
+        self._history.append(self._latest_history[-1:])
+        while sum(map(len, self._history)) > REMEMBERED_CYCLES * len(self._scan_course):
+            self._history.popleft()
 
-    def _take(self) -> None:
+    def _take_staged(self) -> None:
         staged, self._staged = self._staged, {}
-        corrected, self._corrected = self._corrected, {}
+        corrected, self._corrected_setups = self._corrected_setups, {}
         for which, setup in corrected.items():
             self._setups[which] = setup
         self._values |= {name: one for name, one in staged.items() if name in self._values}
         which = int(self._values["compensation"])
-        gains = {name: staged[f"gain_{name}"] for name in GAINS if f"gain_{name}" in staged}
+        gains = {
+            name: staged[f"gain_{name}"] for name in FEEDFORWARD_GAINS if f"gain_{name}" in staged
+        }
         self._gains[which] = replace(self._gains[which], **gains)
         if "motion" in staged:
-            self._move(staged["motion"])
+            self._set_motion(staged["motion"])
         if "plant" in staged:
-            self._renew()
+            self._reset_plant()
         elif which in corrected or not staged.keys().isdisjoint(("compensation", "crossover")):
-            self._control()
+            self._set_controller()
 
-    def _fed(self, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _next_feedforward(self, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return set-point and accelerations of the next ticks and one more, and what is fed forward."""
-        course, at = self._course, self._at
+        course, at = self._active_course, self._course_tick
         if course is None:
             place, accelerations, ahead = np.zeros(n + 1), np.zeros(n), np.zeros((n, 4))
         else:
             place = course.position[at : at + n + 1]
-            accelerations, ahead = course.acceleration[at : at + n], course.ahead[at : at + n]
+            accelerations, ahead = (
+                course.acceleration[at : at + n],
+                course.early_derivatives[at : at + n],
+            )
         setup, gains = self._setup, self._gains[int(self._values["compensation"])]
-        mass = setup.believed.settings.body.mass_kg
+        mass = setup.assumed_rig.settings.body.mass_kg
         moved = ahead[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
-        forward = mass * moved + setup.cable * (self._place + ahead[:, 3])
-        return self._place + place, accelerations, forward
+        forward = mass * moved + setup.cable_stiffness * (self._course_start + ahead[:, 3])
+        return self._course_start + place, accelerations, forward
 
-    def _strayed(self, n: int, late: FloatArray | float) -> FloatArray:
+    def _next_stray(self, n: int, late: FloatArray | float) -> FloatArray:
         """Return how far the long stroke is off at the next ticks, m, as a simulated one is."""
         ticks = np.arange(self.tick, self.tick + n, dtype=np.float64)
-        return strayed(self.rig, late, self.rig.dt * ticks)
+        return frame_stray_from(self.rig, late, self.rig.dt * ticks)
 
-    def _run(self, n: int) -> FloatArray:
-        if self._course is not None:
-            n = min(n, len(self._course) - self._at)
-        place, accelerations, forward = self._fed(n)
-        past = np.concatenate([self._past, accelerations])
-        stray = self._strayed(n + 1, past[: n + 1] / self._peak)
-        of_loop, flowed, loss = self._step(place, stray, forward)
+    def _run_ticks(self, n: int) -> FloatArray:
+        if self._active_course is not None:
+            n = min(n, len(self._active_course) - self._course_tick)
+        place, accelerations, forward = self._next_feedforward(n)
+        past = np.concatenate([self._past_accelerations, accelerations])
+        stray = self._next_stray(n + 1, past[: n + 1] / self._max_acceleration)
+        of_loop, flowed, loss = self._simulate(place, stray, forward)
         kept = len(flowed)
         rows = self._rows(kept, *of_loop)
-        self._past, self._at = past[kept : kept + self._past.size], self._at + kept
-        self._keep(flowed)
-        carried = round(CARRIED_S / self.rig.dt)
-        self._latest = np.concatenate([self._latest, flowed])[-carried:]
+        self._past_accelerations, self._course_tick = (
+            past[kept : kept + self._past_accelerations.size],
+            self._course_tick + kept,
+        )
+        self._record_history(flowed)
+        carried = round(CARRY_OVER_S / self.rig.dt)
+        self._latest_history = np.concatenate([self._latest_history, flowed])[-carried:]
         if loss is not None:
-            self._state, self._fault, self._lap = State.FAULT, Fault.POSITION_RANGE, 0
+            self._state, self._fault, self._cycle_number = State.FAULT, Fault.POSITION_RANGE, 0
         return rows
 
-    def _keep(self, flowed: FloatArray) -> None:
+    def _record_history(self, flowed: FloatArray) -> None:
         """Keep what flowed for another law to follow, but at rest."""
-        driven = bool(self._flowed) and self._flowed[-1][-1:, : self._magnets].any()
-        if self._course is not None or self._between:
-            self._flowed.append(flowed)
+        driven = bool(self._history) and self._history[-1][-1:, : self._magnets].any()
+        if self._active_course is not None or self._is_lifting_or_landing:
+            self._history.append(flowed)
         elif self._state is State.IDLE and driven:
-            self._flowed.append(flowed[-1:])
+            self._history.append(flowed[-1:])
 
-    def _step(
+    def _simulate(
         self, place: FloatArray, stray: FloatArray, forward: FloatArray
     ) -> tuple[list[FloatArray], FloatArray, Loss | None]:
         """Return what is read of some ticks, signal by signal; what flowed; and whether it was lost.
@@ -297,52 +345,54 @@ class StageBench(LapBench):
         was demanded along each coordinate, and what was fed forward.
         """
         rig, free = self.rig, self.rig.settings.body.free
-        fed = fed_wrench(self._setup.believed, forward) + list(self._push.values())
-        scenario = scenario_along(rig, place, stray, fed + self._carried, self._offset)
-        scenario.command[0], self._order = self._order, Command.NONE
-        load = self._load - self._cable * place[:-1]
+        fed = feedforward_wrench(self._setup.assumed_rig, forward) + list(self._pushes.values())
+        scenario = scan_scenario(rig, place, stray, fed + self._integral_wrench, self._offset)
+        scenario.command[0], self._next_command = self._next_command, Command.NONE
+        load = self._load - self._cable_stiffness * place[:-1]
         run = self._loop.run(replace(scenario, load=load))
-        held = self._state is not State.IDLE and not self._between  # else it may lie on a stop
-        loss = stage_loss(rig, run, len(fed)) if held else None
-        run = run.part(0, len(fed) if loss is None else loss.tick + 1)
-        seen = dict(run.columns) | recorded(rig, run, scenario) | self._beside(run)
-        wanted = [run[name] for name in of_axes("demand", free, WRENCH)]
-        currents = [run[name] for name in of_magnets(CURRENTS[:1], 1, self._magnets)]
-        gaps = [run[name] for name in of_magnets([("gap_read", "m")], 1, self._magnets)]
+        held = (
+            self._state is not State.IDLE and not self._is_lifting_or_landing
+        )  # else it may lie on a stop
+        loss = find_stage_loss(rig, run, len(fed)) if held else None
+        run = run.slice_ticks(0, len(fed) if loss is None else loss.tick + 1)
+        seen = dict(run.columns) | recording_columns(rig, run, scenario) | self._bench_columns(run)
+        wanted = [run[name] for name in axis_columns("demand", free, WRENCH_UNITS)]
+        currents = [run[name] for name in magnet_columns(CURRENT_SIGNALS[:1], 1, self._magnets)]
+        gaps = [run[name] for name in magnet_columns([("gap_read", "m")], 1, self._magnets)]
         flowed = [*currents, *gaps, *wanted, fed[: len(run)]]
-        of_loop = [seen[column(one.name, one.unit)] for one in self._of_loop]
+        of_loop = [seen[column_name(one.name, one.unit)] for one in self._loop_signals]
         return of_loop, np.column_stack(flowed), loss
 
-    def _beside(self, run: Recording) -> dict[str, FloatArray]:
+    def _bench_columns(self, run: Recording) -> dict[str, FloatArray]:
         """Return the flight, what each magnet pulls with, and what all do along each coordinate."""
         settings = self.rig.settings
         free = settings.body.free
-        wrench = [run[name] for name in of_axes("wrench", free, WRENCH)]
+        wrench = [run[name] for name in axis_columns("wrench", free, WRENCH_UNITS)]
         read = dict(zip(demand_columns(free, "wrench"), wrench, strict=True))
-        self._flights = run["state"] % PHASES
-        if self._between and self._flights[-1] in (Phase.HOVER, Phase.REST):
-            self._between = False
-            self._state = State.READY if self._flights[-1] == Phase.HOVER else State.IDLE
-        return read | pulls(settings, run) | {"flight": self._flights}
+        self._phases = run["state"] % PHASES_PER_STATE
+        if self._is_lifting_or_landing and self._phases[-1] in (Phase.HOVER, Phase.REST):
+            self._is_lifting_or_landing = False
+            self._state = State.READY if self._phases[-1] == Phase.HOVER else State.IDLE
+        return read | magnet_pulls(settings, run) | {"flight": self._phases}
 
     def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
-        own = [np.full(n, float(one)) for one in (self._fault, self._lap)]
+        own = [np.full(n, float(one)) for one in (self._fault, self._cycle_number)]
         state = np.full(n, float(self._state))
         if self._state is not State.FAULT:
-            state[self._flights != Phase.HOVER] = State.RUN
-            state[self._flights == Phase.REST] = State.IDLE
+            state[self._phases != Phase.HOVER] = State.RUN
+            state[self._phases == Phase.REST] = State.IDLE
         self.tick += n
         return np.column_stack([numbers, *of_loop, state, *own])
 
-    def _lie(self, n: int) -> FloatArray:  # on a stop without a current
-        values = lying(self.rig.settings, self._place)
-        return self._rows(n, *(np.full(n, values.get(one.name, 0.0)) for one in self._of_loop))
+    def _lost_rows(self, n: int) -> FloatArray:  # on a stop without a current
+        values = resting_values(self.rig.settings, self._course_start)
+        return self._rows(n, *(np.full(n, values.get(one.name, 0.0)) for one in self._loop_signals))
 
     @property
-    def _of_loop(self) -> Sequence[Signal]:
+    def _loop_signals(self) -> Sequence[Signal]:
         """The signals that come from the loop; the others are the bench's own."""
-        return self.signals[: -len(STAGE_OWN)]
+        return self.signals[: -len(STAGE_STATE_SIGNALS)]
 
     def command(self, command: Command) -> None:
         """Give a command.
@@ -350,88 +400,92 @@ class StageBench(LapBench):
         A stop brakes at once, whatever the state, and the body is held then; one that is lifted is
         set down again.
         """
-        if command is Command.STOP and self._between:
-            self._order = Command.LAND
+        if command is Command.STOP and self._is_lifting_or_landing:
+            self._next_command = Command.LAND
         elif command is Command.STOP:
             self._brake()
         else:
-            permit_stage(command, self.commands, self._state)
-            self._obey(command)
+            check_stage_command(command, self.commands, self._state)
+            self._execute_command(command)
 
-    def _obey(self, command: Command) -> None:
+    def _execute_command(self, command: Command) -> None:
         """Do what a command says that the state permits."""
         if command is Command.RUN:
             # the first leg leads back to where it all began
-            side = -1.0 if self._place > 0.0 else 1.0
-            self._state, self._side, self._offset = State.RUN, side, 0.0
+            side = -1.0 if self._course_start > 0.0 else 1.0
+            self._state, self._next_direction, self._offset = State.RUN, side, 0.0
         elif command is Command.CLEAR:
             self._state, self._fault = State.READY, Fault.NONE
-            self._renew()
+            self._reset_plant()
         else:
-            if not self._between:
+            if not self._is_lifting_or_landing:
                 self._brake()
-            self._order, self._between = command, command is not Command.IDLE
-            self._state = State.RUN if self._between else State.IDLE
+            self._next_command, self._is_lifting_or_landing = command, command is not Command.IDLE
+            self._state = State.RUN if self._is_lifting_or_landing else State.IDLE
             if command is Command.LIFT:
-                self._known = self.lifted = self.tick + 1
+                self._history_start = self.lift_tick = self.tick + 1
 
     def _brake(self) -> None:
         if self._state is not State.RUN:
             return
-        self._state, self._lap = State.READY, 0
-        course, dt = self._course, self.rig.dt
-        if course is not None and self._at < len(course):
-            self._place += float(course.position[self._at])
-            motion = course.motion_at(self._at, dt)
+        self._state, self._cycle_number = State.READY, 0
+        course, dt = self._active_course, self.rig.dt
+        if course is not None and self._course_tick < len(course):
+            self._course_start += float(course.position[self._course_tick])
+            motion = course.motion_at(self._course_tick, dt)
             scan = self.rig.settings.scan  # its largest acceleration, whatever the lap's is
-            hardest = motion_of(scan, scan.test_m_per_s2)
-            self._begin(braking(*motion, hardest, dt, self.rig.late))
+            hardest = scan_motion(scan, scan.test_m_per_s2)
+            self._begin_course(plan_braking(*motion, hardest, dt, self.rig.loop_delay))
 
     def demand(self, value: float) -> None:
         """Demand a place beside the set-point, m."""
-        self.aim.check(value)
+        self.demand_range.check(value)
         self._offset = value
 
     def load(self, force: float) -> None:
         """Let a force, N, push at the body towards larger positions; the controller is not told."""
-        self._load = min(max(force, -self.load_most), self.load_most)
+        self._load = min(max(force, -self.max_load), self.max_load)
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return all that may be changed, with the values that are in force once the body rests."""
         crossover = self.rig.settings.tracking.crossover_Hz
         values = {**self._values, **self._staged}
         gains = self._gains[int(values["compensation"])]
-        values = {**{f"gain_{name}": getattr(gains, name) for name in GAINS}, **values}
+        values = {**{f"gain_{name}": getattr(gains, name) for name in FEEDFORWARD_GAINS}, **values}
         off, on = (one.method for one in self._setups)
         pushes = (
-            Parameter(name, WRENCH["_r" in name], -most, most, "at once, asked of the magnets", now)
-            for (name, most), now in zip(self._push_most.items(), self._push.values(), strict=True)
+            Parameter(
+                name, WRENCH_UNITS["_r" in name], -most, most, "at once, asked of the magnets", now
+            )
+            for (name, most), now in zip(
+                self._max_pushes.items(), self._pushes.values(), strict=True
+            )
         )
         return (*stage_parameters(values, (off, on), crossover), *pushes)
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Put parameters in force, on the tick on which the body next rests, or pushes on the next."""
-        check_values(values, self.parameters(), whole=("compensation", "plant"))
-        pushed = {name: force for name, force in values.items() if name in self._push}
-        staged = {name: value for name, value in values.items() if name not in self._push}
+        check_values(values, self.parameters(), integer_names=("compensation", "plant"))
+        pushed = {name: force for name, force in values.items() if name in self._pushes}
+        staged = {name: value for name, value in values.items() if name not in self._pushes}
         due = self.tick + 1
         if staged or not pushed:
-            if self._between:
+            if self._is_lifting_or_landing:
                 raise InputError("the stage is lifted or set down: wait", code="wrong-state")
             if self._state is State.FAULT:
                 raise InputError("the stage is lost: press clear first", code="wrong-state")
             self._staged |= staged
-            due = self._due
-        self._push |= pushed
+            due = self._next_rest_tick
+        self._pushes |= pushed
         return due
 
     def correct(self, setup: StageSetup) -> int:
         """Put what was learnt of a method in force, on the tick on which the body next rests."""
         methods = [one.method for one in self._setups]
-        self._corrected[methods.index(setup.method)] = setup
-        return self._due
+        self._corrected_setups[methods.index(setup.method)] = setup
+        return self._next_rest_tick
 
     @property
-    def _due(self) -> int:
-        left = 0 if self._course is None else len(self._course) - self._at
+    def _next_rest_tick(self) -> int:
+        left = 0 if self._active_course is None else len(self._active_course) - self._course_tick
         return self.tick + left + 1

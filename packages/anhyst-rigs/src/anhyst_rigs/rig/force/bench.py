@@ -13,14 +13,14 @@ import numpy as np
 
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.case_table import ForceCase, MovingCase
-from anhyst_rigs.rig.force.file import READ, Rig
+from anhyst_rigs.rig.force.file import SENSOR_ORDER, ForceControlRig
 from anhyst_rigs.rig.recording import Recording
 
-_PAST = 12
+_HISTORY_STEPS = 12
 """Steps of the unknown past."""
 
 
-RECORDED = (
+BENCH_COLUMNS = (
     *("t_s", "command_A", "current_A", "force_N", "gap_m", "gap_read_m", "force_read_N"),
     "current_read_A",
 )
@@ -40,17 +40,17 @@ class StandTick(NamedTuple):
 class ActuatorStand:
     """An actuator with its amplifier and its sensors, demagnetised."""
 
-    def __init__(self, rig: Rig, seed: list[int]) -> None:
+    def __init__(self, rig: ForceControlRig, seed: list[int]) -> None:
         self.dt = rig.dt
         self._seed = [rig.settings.seed, *seed]
-        self._plant, self._sensors = rig.plant(), rig.instruments(seed)
-        amplifier = rig.held_numbers()
+        self._plant, self._sensors = rig.make_plant(), rig.make_sensors(seed)
+        amplifier = rig.amplifier_parameters()
         self._high, self._zero = amplifier["high"], amplifier["zero"]
 
-    def give_past(self, gap: float) -> None:
+    def apply_random_history(self, gap: float) -> None:
         """Take the current up and down at random, slowly and past the amplifier, and back to 0."""
         rng = np.random.default_rng([*self._seed, 3])
-        for share in (*rng.uniform(size=_PAST).tolist(), 0.0):
+        for share in (*rng.uniform(size=_HISTORY_STEPS).tolist(), 0.0):
             self._plant.hold(share * self._high, gap)
 
     def condition(self, turns: list[float], gap: float) -> None:
@@ -64,7 +64,7 @@ class ActuatorStand:
 
     def run(self, reference: FloatArray, gap: FloatArray) -> FloatArray:
         """Go on by many ticks, a row of a :class:`StandTick` each."""
-        noise = np.column_stack([self._sensors[name].noise(gap.size) for name in READ])
+        noise = np.column_stack([self._sensors[name].noise(gap.size) for name in SENSOR_ORDER])
         return self._plant.run(reference, gap, noise)
 
 
@@ -77,10 +77,10 @@ def run_open_loop(stand: ActuatorStand, gap: FloatArray, reference: FloatArray) 
 def bench_recording(rows: FloatArray, dt: float) -> Recording:
     """Return the recording of a bench from its columns but the first, a row for each tick."""
     clock = dt * np.arange(len(rows), dtype=np.float64)
-    return Recording(dict(zip(RECORDED, (clock, *rows.T), strict=True)))
+    return Recording(dict(zip(BENCH_COLUMNS, (clock, *rows.T), strict=True)))
 
 
-LEAD_IN = 0.2
+LEAD_IN_S = 0.2
 """Time in which a demand rises from zero to its first value, s; errors there do not count."""
 
 
@@ -93,20 +93,20 @@ class Demand:
     lead_in: int  # ticks before the demand proper
 
 
-def with_lead_in(name: str, force: FloatArray, rate: float) -> Demand:
+def add_lead_in(name: str, force: FloatArray, rate: float) -> Demand:
     """Put a straight rise from zero before a demand."""
-    ticks = round(LEAD_IN * rate)
+    ticks = round(LEAD_IN_S * rate)
     rise = force[0] * np.arange(ticks) / ticks
     return Demand(name, np.concatenate([rise, force]), ticks)
 
 
-def triangle(shape: ForceCase, force_max: float, rate: float) -> Demand:
+def triangle_demand(shape: ForceCase, force_max: float, rate: float) -> Demand:
     """Return a triangle, beginning and ending at its low turning point."""
     half = max(1, round(0.5 * shape.period_s * rate))
     phase = np.arange(2 * half * shape.cycles + 1) / half
     height = 1.0 - np.abs(phase % 2.0 - 1.0)
     force = force_max * (shape.low + (shape.high - shape.low) * height)
-    return with_lead_in(shape.name, force, rate)
+    return add_lead_in(shape.name, force, rate)
 
 
 def moving_gap(shape: MovingCase, ticks: int, rate: float) -> FloatArray:

@@ -15,21 +15,31 @@ from pydantic import Tag
 
 from anhyst._core import Coil, HeldPlant, Magnet
 from anhyst.data import Loop, Loops
-from anhyst.data.speeds import slow_loops
+from anhyst.data.speeds import select_slow_loops
 from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike
-from anhyst.support.numeric import FloatArray, passed
-from anhyst.support.toml_file import BRANCH, FileFault, Table, faults_error, read_toml
-from anhyst_rigs.rig.distance import PlantCheck, along, along_in_time, follower
+from anhyst.support.numeric import FloatArray, first_order_share
+from anhyst.support.toml_file import BRANCH_PREFIX, FileFault, Table, faults_error, read_toml
+from anhyst_rigs.rig.distance import (
+    PlantCheck,
+    make_path_follower,
+    simulate_loop,
+    simulate_loop_in_time,
+)
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.from_loops import FittedPlant, check_fitted
+from anhyst_rigs.rig.from_loops import FittedPlant, check_plant_against_loops
 from anhyst_rigs.rig.kind_rules import read_rig_file
-from anhyst_rigs.rig.measurement_table import Measured, MeasurementTable
-from anhyst_rigs.rig.parts.iron import BY_FAMILY, CellSteel, DuhemSteel, PreisachSteel
-from anhyst_rigs.rig.parts.magnet import CircuitTable, FluxPath, iron_magnet, solenoid_magnet
+from anhyst_rigs.rig.measurement_table import MeasuredLoops, MeasurementTable
+from anhyst_rigs.rig.parts.iron import FAMILY_DISCRIMINATOR, CellSteel, DuhemSteel, PreisachSteel
+from anhyst_rigs.rig.parts.magnet import (
+    CircuitTable,
+    FluxPath,
+    make_iron_magnet,
+    make_solenoid_magnet,
+)
 from anhyst_rigs.rig.sensor_table import NoisySensor, Sensors
 
-READ = ("gap", "force", "current")
+SENSOR_ORDER = ("gap", "force", "current")
 """What sensors of the plant read, in the order of ``anhyst_plant/held.h``."""
 
 
@@ -46,10 +56,10 @@ class DuhemPathTable(DuhemSteel, FluxPath):
 
 
 IronEntry = Annotated[
-    Annotated[CellPathTable, Tag(f"{BRANCH}cells")]
-    | Annotated[PreisachPathTable, Tag(f"{BRANCH}preisach")]
-    | Annotated[DuhemPathTable, Tag(f"{BRANCH}duhem")],
-    BY_FAMILY,
+    Annotated[CellPathTable, Tag(f"{BRANCH_PREFIX}cells")]
+    | Annotated[PreisachPathTable, Tag(f"{BRANCH_PREFIX}preisach")]
+    | Annotated[DuhemPathTable, Tag(f"{BRANCH_PREFIX}duhem")],
+    FAMILY_DISCRIMINATOR,
 ]
 
 
@@ -62,7 +72,7 @@ class SolenoidFile(Table):
 
 
 @dataclass(frozen=True, slots=True)
-class Rig:
+class ForceControlRig:
     """A rig as its file describes it."""
 
     path: Path  # the rig file
@@ -77,9 +87,9 @@ class Rig:
         return 1.0 / self.settings.timing.rate_Hz
 
     @property
-    def measured(self) -> Measured:
+    def measured_loops(self) -> MeasuredLoops:
         """The loops that its file names."""
-        return Measured(self.path, self.settings.loops)
+        return MeasuredLoops(self.path, self.settings.loops)
 
     def magnet(self) -> Coil:
         """Return what pulls, demagnetised."""
@@ -88,70 +98,74 @@ class Rig:
     @property
     def _magnet(self) -> Magnet:
         if (file := self.solenoid_file) is not None:
-            return solenoid_magnet(file.iron, file.iron, file.circuit)
+            return make_solenoid_magnet(file.iron, file.iron, file.circuit)
         table = self.settings.magnet
-        return iron_magnet(table.poles, self.settings.steel, solid=table.solid_iron)
+        return make_iron_magnet(table.poles, self.settings.steel, solid=table.solid_iron)
 
     @property
-    def solid(self) -> bool:
+    def has_solid_iron(self) -> bool:
         """Whether its iron answers late."""
         return self.solenoid_file is None and self.settings.magnet.solid is not None
 
-    def check(self, loops: Loops, model: Model) -> PlantCheck:
+    def check_plant(self, loops: Loops, model: Model) -> PlantCheck:
         """Hold its actuator and a model against loops, of thin iron against the slow ones."""
-        timed = self.solid and all(loop.time is not None for loop in loops.loops)
+        timed = self.has_solid_iron and all(loop.time is not None for loop in loops.loops)
 
         def force(loop: Loop, zero: float) -> FloatArray:
             if timed:
-                return along_in_time(self._magnet, loop, zero)
-            return along(follower(self._magnet), loop, zero)
+                return simulate_loop_in_time(self._magnet, loop, zero)
+            return simulate_loop(make_path_follower(self._magnet), loop, zero)
 
-        return check_fitted(self.fitted, loops if timed else slow_loops(loops), model, force)
+        return check_plant_against_loops(
+            self.fitted, loops if timed else select_slow_loops(loops), model, force
+        )
 
     @property
-    def actuator_text(self) -> tuple[str, float]:
+    def actuator_name_and_turns(self) -> tuple[str, float]:
         """What the actuator is called, and its turns."""
         if self.solenoid_file is not None:
             return "proportional solenoid", self.solenoid_file.circuit.turns
         return "electromagnet", self.settings.magnet.poles.turns
 
-    def held_numbers(self) -> dict[str, float]:
+    def amplifier_parameters(self) -> dict[str, float]:
         """Return its amplifier by the names of ``anhyst_plant/held.h``."""
         table = self.settings.amplifier
         return {
-            "seconds": self.dt if self.solid else 0.0,
+            "seconds": self.dt if self.has_solid_iron else 0.0,
             "low": 0.0,
             "high": table.current_high_A,
             "step": table.current_high_A / ((1 << table.dac_bits) - 1),
-            "share": passed(2.0 * math.pi * table.bandwidth_Hz * self.dt),
+            "share": first_order_share(2.0 * math.pi * table.bandwidth_Hz * self.dt),
             "most": table.slew * self.dt,
             "zero": self.settings.current_sensor.offset_A,
         }
 
-    def plant(self) -> HeldPlant:
+    def make_plant(self) -> HeldPlant:
         """Return its actuator with amplifier and sensors, demagnetised."""
-        sensors = self.sensor_numbers(self.dt)
-        return HeldPlant(self.held_numbers(), [sensors[name] for name in READ], self._magnet)
+        sensors = self.sensor_parameters(self.dt)
+        return HeldPlant(
+            self.amplifier_parameters(), [sensors[name] for name in SENSOR_ORDER], self._magnet
+        )
 
-    def sensor_numbers(self, seconds: float) -> dict[str, dict[str, float]]:
+    def sensor_parameters(self, seconds: float) -> dict[str, dict[str, float]]:
         """Return its sensors in samples of so many seconds."""
         file = self.settings
         tables = (file.current_sensor, file.gap_sensor, file.force_sensor)
-        return {table.of: table.numbers(seconds) for table in tables}
+        return {table.of: table.plant_parameters(seconds) for table in tables}
 
-    def instruments(self, seed: list[int], sample: float | None = None) -> Sensors:
+    def make_sensors(self, seed: list[int], sample: float | None = None) -> Sensors:
         """Return the sensors, with noise of their own; a sample is so many seconds, or a tick."""
-        own, numbers = [self.settings.seed, *seed], self.sensor_numbers(sample or self.dt)
+        own, numbers = [self.settings.seed, *seed], self.sensor_parameters(sample or self.dt)
         return {name: NoisySensor(one, [*own, n]) for n, (name, one) in enumerate(numbers.items())}
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
         """Return what measures loops; the seed of the rig file is added."""
-        return self.instruments([0, *seed], sample)
+        return self.make_sensors([0, *seed], sample)
 
 
 def _gap_faults(file: RigFile) -> Iterator[FileFault]:
     """Find gaps of cases that the gap sensor does not read: a controller ends in a fault there."""
-    sensor, held, moving = file.gap_sensor, file.held, file.moving
+    sensor, held, moving = file.gap_sensor, file.held_case, file.moving_case
     for case, keys, gap in (
         *((held, ("gaps_m", number), gap) for number, gap in enumerate(held.gaps_m)),
         (moving, ("low_m",), moving.low_m),
@@ -160,18 +174,20 @@ def _gap_faults(file: RigFile) -> Iterator[FileFault]:
         if not sensor.low_m <= gap <= sensor.high_m:
             text = f"the gap sensor reads {sensor.low_m:g} to {sensor.high_m:g} m, not {gap:g} m; "
             text += "move it or widen that"
-            yield FileFault(file.place(case, *keys), text, code="beyond-sensor")
+            yield FileFault(file.key_path(case, *keys), text, code="beyond-sensor")
 
 
-def read_rig(path: PathLike) -> Rig:
+def read_rig(path: PathLike) -> ForceControlRig:
     """Read a rig file and the solenoid file it names."""
     file = Path(path)
     settings = read_rig_file(file, "force")
     if faults := [*_gap_faults(settings)]:
         raise faults_error(file, faults)
     if settings.solenoid is None:
-        return Rig(file, settings, None)
-    return Rig(file, settings, read_toml(file.parent / settings.solenoid.file, SolenoidFile))
+        return ForceControlRig(file, settings, None)
+    return ForceControlRig(
+        file, settings, read_toml(file.parent / settings.solenoid.file, SolenoidFile)
+    )
 
 
 def files_of_rig(path: PathLike, controller: PathLike | None) -> list[Path]:
@@ -180,4 +196,4 @@ def files_of_rig(path: PathLike, controller: PathLike | None) -> list[Path]:
     rig = read_rig(path)
     solenoid = rig.settings.solenoid
     named = [] if solenoid is None else [rig.path.parent / solenoid.file]
-    return [rig.path, *named, *rig.measured.files]
+    return [rig.path, *named, *rig.measured_loops.files]

@@ -19,13 +19,13 @@ from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.rig.drift import change_values
-from anhyst_rigs.rig.force.file import Rig
+from anhyst_rigs.rig.drift import map_parameter
+from anhyst_rigs.rig.force.file import ForceControlRig
 from anhyst_rigs.rig.measurement_table import identify_loops
 
 Codes = NDArray[np.int64]
 
-ONE = 1 << 31
+Q31_ONE = 1 << 31
 
 
 @dataclass(frozen=True)
@@ -45,41 +45,41 @@ class Program:
         return self.block.scales
 
     @property
-    def conditioning(self) -> list[float]:
+    def conditioning_currents(self) -> list[float]:
         """Turning points of the start-up sequence, A: between the limits of the current."""
         low, high = self.block.limits.current
         return [high, low] * self.cycles
 
     def gap_codes(self, gap: FloatArray) -> Codes:
         """Return gaps as its sensor read them, m, as the firmware takes them: q31 of the range."""
-        codes = np.rint(self.scales.gap_share(gap) * (ONE >> 1)).astype(np.int64)
-        return np.minimum(2 * np.clip(codes, 0, ONE >> 1), ONE - 1)
+        codes = np.rint(self.scales.gap_fraction(gap) * (Q31_ONE >> 1)).astype(np.int64)
+        return np.minimum(2 * np.clip(codes, 0, Q31_ONE >> 1), Q31_ONE - 1)
 
     def demand_code(self, force: float) -> int:
         """Force, N, as the link carries it: q31 of full scale."""
-        return min(round(force / self.scales.demand * ONE), ONE - 1)
+        return min(round(force / self.scales.demand * Q31_ONE), Q31_ONE - 1)
 
 
 @dataclass(frozen=True)
-class Session:
+class FirmwareSession:
     """What passed between a firmware and the bench, tick by tick from power on, as codes."""
 
     gap: Codes  # gap that the controller used, q31
     drive: Codes  # current it drove, q31 of full scale
     demand: Codes  # demand in force at the ticks of the run, q31
-    first: int  # first tick of the run
+    first_run_tick: int  # first tick of the run
     # whether the controller got this command just before: what was before does not count
-    demagnetised: bool
+    is_demagnetised: bool
 
 
-def ticks_that_differ(program: Program, session: Session) -> int:
+def count_differing_ticks(program: Program, session: FirmwareSession) -> int:
     """Compute a session again in this process, and count where the firmware did otherwise.
 
     Every tick is repeated with the gap and the demand that the firmware had: what comes out is
     what the simulated program gives, and it must be the same to the last bit.
     """
-    core, first = FixedCompensator(program.block.kind, program.block.words), session.first
-    if not session.demagnetised:
+    core, first = FixedCompensator(program.block.kind, program.block.words), session.first_run_tick
+    if not session.is_demagnetised:
         before = np.column_stack([session.drive[:first], session.gap[:first]])
         for codes in before.tolist():
             core.commit_q31(*codes)
@@ -87,35 +87,37 @@ def ticks_that_differ(program: Program, session: Session) -> int:
     return int(np.count_nonzero(core.run(demand, gap, False) != session.drive[first:]))
 
 
-SAFE = 5.0
+MIN_DEAD_BAND_SIGMAS = 5.0
 """The dead band is at least so many standard deviations of the noise of the field."""
 
-PLAUSIBLE = 0.82
+MAX_FORCE_SHARE = 0.82
 """The start-up sequence pulls with the largest measured force; boards take a quarter above full
 scale for plausible."""
 
 
-def loops_of_rig(rig: Rig) -> Loops:
+def read_rig_loops(rig: ForceControlRig) -> Loops:
     """Read the loops of a rig."""
-    loops = rig.measured.read()
+    loops = rig.measured_loops.read()
     end = rig.settings.force.end_m
-    if not any(_near(loop.schedule_value, end) for loop in loops.loops):
+    if not any(_is_same_gap(loop.schedule_value, end) for loop in loops.loops):
         gaps = ", ".join(f"{float(gap or 0.0):g}" for gap in loops.by_schedule())
         text = f"{rig.path}: control.end_m: no loops at {end:g} m; there are some at {gaps} m"
         raise InputError(text, code="no-such-loop", key="control.end_m")
     return loops
 
 
-def _near(value: float | None, gap: float) -> bool:
+def _is_same_gap(value: float | None, gap: float) -> bool:
     return value is not None and math.isclose(value, gap, rel_tol=1e-6)
 
 
-def loops_at(loops: Loops, gap: float) -> Loops:
+def loops_at_gap(loops: Loops, gap: float) -> Loops:
     """Return the loops of one position."""
-    return loops.with_loops(loop for loop in loops.loops if _near(loop.schedule_value, gap))
+    return loops.with_loops(loop for loop in loops.loops if _is_same_gap(loop.schedule_value, gap))
 
 
-def find_model(rig: Rig, loops: Loops, progress: Progress | None = None) -> Model:
+def identify_force_model(
+    rig: ForceControlRig, loops: Loops, progress: Progress | None = None
+) -> Model:
     """Identify a model of these loops and make it ready for force control.
 
     One position gives a model of this gap alone; several give one of the map ``circuit``, under
@@ -130,29 +132,29 @@ def find_model(rig: Rig, loops: Loops, progress: Progress | None = None) -> Mode
     model = identify_loops(loops, options, "circuit" if several else "auto", progress)
     model = model if model.has_layers or model.has_lag else model.at_rest
     if options.dead_band:
-        model = _spanning(model, _least_dead_band(model, rig))
+        model = _with_min_dead_band(model, _min_dead_band(model, rig))
     valid = model.valid
     assert valid is not None
-    most = max(rig.settings.force.force_max_N, PLAUSIBLE * valid.output[1])
+    most = max(rig.settings.force.force_max_N, MAX_FORCE_SHARE * valid.output[1])
     return replace(model, valid=replace(valid, output=(0.0, min(most, valid.output[1]))))
 
 
-def _spanning(model: Model, least: float) -> Model:
+def _with_min_dead_band(model: Model, least: float) -> Model:
     """Return a model whose dead band, if its law has one, is at least so wide, A/m."""
     wide: dict[str, Parameter] = {}
     for spec in model.operator_law.with_role("dead band"):
-        wide[spec.name] = change_values(
+        wide[spec.name] = map_parameter(
             model.parameters[spec.name], lambda value: max(value, least)
         )
     return replace(model, parameters={**model.parameters, **wide}) if wide else model
 
 
-def _least_dead_band(model: Model, rig: Rig) -> float:
+def _min_dead_band(model: Model, rig: ForceControlRig) -> float:
     """Half-width of the dead band, A/m, that the noise of the position sensor stays within."""
     if not model.needs_schedule:
         return 0.0
     sensor, still = rig.settings.gap_sensor, model.at_rest
-    noise = math.hypot(sensor.noise_m, sensor.step / math.sqrt(12.0))
+    noise = math.hypot(sensor.noise_m, sensor.resolution / math.sqrt(12.0))
     force_max = rig.settings.force.force_max_N
     largest = 0.0
     for gap in model.nodes:
@@ -161,4 +163,4 @@ def _least_dead_band(model: Model, rig: Rig) -> float:
             gaps = np.array([gap, gap + noise])
             field = still.invert(demand, gaps, history="demagnetised").field
             largest = max(largest, abs(float(field[1] - field[0])))
-    return SAFE * largest
+    return MIN_DEAD_BAND_SIGMAS * largest

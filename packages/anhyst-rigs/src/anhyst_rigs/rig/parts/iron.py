@@ -19,7 +19,7 @@ from anhyst._core import Steel, exp, log
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, power
 from anhyst.support.toml_file import (
-    BRANCH,
+    BRANCH_PREFIX,
     Name,
     NotNegative,
     Positive,
@@ -28,14 +28,14 @@ from anhyst.support.toml_file import (
     discriminate_by,
 )
 
-CURVE = {
+CURVE_KEYS = {
     "sharp": "saturation_sharp_T",
     "knee_sharp": "knee_sharp_A_per_m",
     "slow": "saturation_slow_T",
     "knee_slow": "knee_slow_A_per_m",
 }
 """Of the numbers of a steel those of the curve that nothing pins, by ``anhyst_plant/curve.h``."""
-MOST_CELLS = 64
+MAX_CELLS = 64
 """Of an iron, the unpinned one included."""
 
 
@@ -55,29 +55,31 @@ class AnySteel(Table):
     saturation_keys: ClassVar[tuple[str, ...]] = ("saturation_sharp_T", "saturation_slow_T")
 
     @model_validator(mode="after")
-    def _makes_an_iron(self) -> Self:
-        self.plant()
+    def _check_makes_iron(self) -> Self:
+        self.make_steel()
         return self
 
-    def numbers(self) -> dict[str, float]:
+    def plant_parameters(self) -> dict[str, float]:
         """Return its numbers by the names of ``plant/include/anhyst_plant``, without its arrays."""
-        return {name: getattr(self, key) for name, key in CURVE.items()}
+        return {name: getattr(self, key) for name, key in CURVE_KEYS.items()}
 
     @abstractmethod
-    def plant(self) -> Steel:
+    def make_steel(self) -> Steel:
         """Return it as the plant computes it."""
 
     @abstractmethod
-    def unpinned(self) -> Steel:
+    def make_anhysteretic_steel(self) -> Steel:
         """Return, as the plant computes it, the same steel without what makes its loops wide."""
 
-    def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
+    def drifted_keys(
+        self, pinning: float, reversible: float, saturation: float
+    ) -> dict[str, float]:
         """Return the keys of an iron that has drifted, by parts of each quantity."""
         del reversible  # of cells alone
         keys = {key: getattr(self, key) * (1.0 + saturation) for key in self.saturation_keys}
         return {self.pinning_key: getattr(self, self.pinning_key) * (1.0 + pinning), **keys}
 
-    def lines(self) -> list[str]:
+    def diagram_texts(self) -> list[str]:
         """Return what a diagram says of it."""
         return [line.format(self) for line in self.diagram_lines]
 
@@ -104,10 +106,10 @@ class CellSteel(AnySteel):
 
     @field_validator("cells")
     @classmethod
-    def _few(cls, cells: int) -> int:
-        if cells >= MOST_CELLS:
+    def _check_cell_count(cls, cells: int) -> int:
+        if cells >= MAX_CELLS:
             raise InputError(
-                f"the plant has room for {MOST_CELLS - 1}; lower it", code="too-many-cells"
+                f"the plant has room for {MAX_CELLS - 1}; lower it", code="too-many-cells"
             )
         return cells
 
@@ -124,22 +126,24 @@ class CellSteel(AnySteel):
         pinned = np.full(self.cells, (1.0 - self.reversible_fraction) / self.cells)
         return np.concatenate(([self.reversible_fraction], pinned))
 
-    def plant(self) -> Steel:
+    def make_steel(self) -> Steel:
         """Return it as the plant computes it."""
-        return Steel(self.numbers(), self.thresholds, self.weights)
+        return Steel(self.plant_parameters(), self.thresholds, self.weights)
 
-    def unpinned(self) -> Steel:
+    def make_anhysteretic_steel(self) -> Steel:
         """Return, as the plant computes it, a steel that follows the same curve without a loop."""
-        return self.model_copy(update={"cells": 1, "reversible_fraction": 1.0}).plant()
+        return self.model_copy(update={"cells": 1, "reversible_fraction": 1.0}).make_steel()
 
-    def drifted(self, pinning: float, reversible: float, saturation: float) -> dict[str, float]:
+    def drifted_keys(
+        self, pinning: float, reversible: float, saturation: float
+    ) -> dict[str, float]:
         """Return its keys after a drift."""
         fraction = min(self.reversible_fraction * (1.0 + reversible), 1.0)
-        own = super().drifted(pinning, reversible, saturation)
+        own = super().drifted_keys(pinning, reversible, saturation)
         return {"reversible_fraction": fraction, **own}
 
 
-_FIELDS = np.concatenate(([0.0], np.geomspace(1e-3, 1e3, 2000)))
+_CHECK_FIELD_RATIOS = np.concatenate(([0.0], np.geomspace(1e-3, 1e3, 2000)))
 """Where the slope is looked at, in knees."""
 
 
@@ -158,23 +162,23 @@ class DuhemSteel(AnySteel):
     # share of the coercive field that is gone at saturation
     fading: Annotated[float, Field(ge=0.0, lt=1.0)]
 
-    def plant(self) -> Steel:
+    def make_steel(self) -> Steel:
         """Return it as the plant computes it."""
-        self._check()
-        return Steel(self.numbers())
+        self._check_stability()
+        return Steel(self.plant_parameters())
 
-    def numbers(self) -> dict[str, float]:
+    def plant_parameters(self) -> dict[str, float]:
         """Return its numbers by the names of ``anhyst_plant/duhem.h``."""
         return {
             "coercivity": self.coercivity_A_per_m,
             "rate": 1.0 / self.turning_T,
             "fading": self.fading,
-            **super().numbers(),
+            **super().plant_parameters(),
         }
 
-    def unpinned(self) -> Steel:
+    def make_anhysteretic_steel(self) -> Steel:
         """Return, as the plant computes it, a steel that follows the same curve without a loop."""
-        return self.model_copy(update={"coercivity_A_per_m": 0.0}).plant()
+        return self.model_copy(update={"coercivity_A_per_m": 0.0}).make_steel()
 
     def curve(self, field: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return polarisation, T, of the curve at fields, A/m, and its slope."""
@@ -187,7 +191,7 @@ class DuhemSteel(AnySteel):
         slope += slow * self.knee_slow_A_per_m / (field * field + self.knee_slow_A_per_m**2)
         return polarisation, slope
 
-    def _check(self) -> None:
+    def _check_stability(self) -> None:
         saturation = self.saturation_sharp_T + self.saturation_slow_T
         turn = self.turning_T / saturation
         if self.fading * (1.0 + 2.0 * turn + 2.0 * turn * turn) > 1.0:
@@ -197,7 +201,7 @@ class DuhemSteel(AnySteel):
                 code="small-loops-give-energy",
                 key="fading",
             )
-        polarisation, slope = self.curve(_FIELDS * self.knee_sharp_A_per_m)
+        polarisation, slope = self.curve(_CHECK_FIELD_RATIOS * self.knee_sharp_A_per_m)
         falls = 2.0 * self.coercivity_A_per_m * self.fading / saturation**2
         if np.max(falls * (polarisation - self.turning_T) * slope) > 0.9:
             raise InputError(
@@ -208,7 +212,7 @@ class DuhemSteel(AnySteel):
             )
 
 
-NODES = 257
+EVERETT_NODES = 257
 """Of an Everett table, odd: one of them is zero."""
 
 
@@ -238,7 +242,7 @@ class PreisachSteel(AnySteel):
         return self.pinning_A_per_m + self.bias_A_per_m
 
     @property
-    def reach(self) -> float:
+    def max_switching_field(self) -> float:
         """Field beyond which no relay turns, A/m: three standard deviations of all that scatters."""
         hardest = self.pinning_A_per_m * float(exp(np.array([3.0 * self.pinning_spread]))[0])
         return hardest + 3.0 * (self.bias_A_per_m + self.bias_by_pinning * hardest)
@@ -251,43 +255,43 @@ class PreisachSteel(AnySteel):
         density: FloatArray = exp(-0.5 * (ways * ways + across * across)) / (pinning * scatter)
         return density
 
-    def plant(self) -> Steel:
+    def make_steel(self) -> Steel:
         """Return it as the plant computes it."""
-        return _plant(self, True)
+        return _make_preisach_steel(self, True)
 
-    def numbers(self) -> dict[str, float]:
+    def plant_parameters(self) -> dict[str, float]:
         """Return its numbers by the names of ``anhyst_plant/preisach.h``."""
         return {
             "knee": self.knee,
-            "reach": self.reach / (self.reach + self.knee),
+            "reach": self.max_switching_field / (self.max_switching_field + self.knee),
             "feedback": self.feedback_A_per_m_T,
-            **super().numbers(),
+            **super().plant_parameters(),
         }
 
-    def unpinned(self) -> Steel:
+    def make_anhysteretic_steel(self) -> Steel:
         """Return, as the plant computes it, a steel of relays with the same biases, unpinned."""
-        return _plant(self, False)
+        return _make_preisach_steel(self, False)
 
 
-def nodes(steel: PreisachSteel) -> FloatArray:
+def node_fields(steel: PreisachSteel) -> FloatArray:
     """Return the fields of the nodes, A/m, rising, shape (NODES,)."""
-    end = steel.reach / (steel.reach + steel.knee)
-    field = end * np.linspace(-1.0, 1.0, NODES)
+    end = steel.max_switching_field / (steel.max_switching_field + steel.knee)
+    field = end * np.linspace(-1.0, 1.0, EVERETT_NODES)
     return np.asarray(steel.knee * field / (1.0 - np.abs(field)))
 
 
-def everett(steel: PreisachSteel, pinned: bool) -> FloatArray:
+def everett_table(steel: PreisachSteel, is_pinned: bool) -> FloatArray:
     """Return by how much the relays change from node to node, T, shape (NODES, NODES)."""
-    at = nodes(steel)
-    inside = _relays(steel, at) if pinned else np.diag(_biased(steel, at))
-    rising = np.zeros((NODES, NODES))
+    at = node_fields(steel)
+    inside = _relay_weights(steel, at) if is_pinned else np.diag(_unpinned_relay_weights(steel, at))
+    rising = np.zeros((EVERETT_NODES, EVERETT_NODES))
     from_below = np.cumsum(inside[::-1], axis=0)[::-1]
     rising[:-1, 1:] = np.triu(np.cumsum(from_below, axis=1))
     rising *= 2.0 * steel.saturation_T / rising[0, -1]
     return rising - rising.T
 
 
-def _relays(steel: PreisachSteel, at: FloatArray) -> FloatArray:
+def _relay_weights(steel: PreisachSteel, at: FloatArray) -> FloatArray:
     """Return the relays in each cell between nodes, from the lower to the higher field.
 
     The density is looked at in the middles of the four quarters of a cell; on the diagonal, where
@@ -308,7 +312,7 @@ def _relays(steel: PreisachSteel, at: FloatArray) -> FloatArray:
     return inside
 
 
-def _biased(steel: PreisachSteel, at: FloatArray) -> FloatArray:
+def _unpinned_relay_weights(steel: PreisachSteel, at: FloatArray) -> FloatArray:
     """Return the relays whose bias lies between two nodes, whatever their pinning."""
     middle, slope = 0.5 * (at[1:] + at[:-1]), np.zeros(at.size - 1)
     for spread in np.linspace(-3.0, 3.0, 61).tolist():
@@ -318,10 +322,10 @@ def _biased(steel: PreisachSteel, at: FloatArray) -> FloatArray:
 
 
 @lru_cache(maxsize=32)
-def _plant(steel: PreisachSteel, pinned: bool) -> Steel:
-    table = everett(steel, pinned)
+def _make_preisach_steel(steel: PreisachSteel, is_pinned: bool) -> Steel:
+    table = everett_table(steel, is_pinned)
     # The steepest way comes from far below, past the middle of the reversible part.
-    relays = float(np.max(np.diff(table[0]) / np.diff(nodes(steel))))
+    relays = float(np.max(np.diff(table[0]) / np.diff(node_fields(steel))))
     slope = steel.saturation_sharp_T / steel.knee_sharp_A_per_m + relays
     slope += steel.saturation_slow_T * 2.0 / np.pi / steel.knee_slow_A_per_m
     if steel.feedback_A_per_m_T * slope > 0.9:
@@ -331,7 +335,7 @@ def _plant(steel: PreisachSteel, pinned: bool) -> Steel:
             code="reversible-part-jumps",
             key="feedback",
         )
-    return Steel(steel.numbers(), np.ascontiguousarray(table))
+    return Steel(steel.plant_parameters(), np.ascontiguousarray(table))
 
 
 class NamedCells(CellSteel):
@@ -353,11 +357,11 @@ class NamedDuhem(DuhemSteel):
 
 
 NamedIron = NamedCells | NamedPreisach | NamedDuhem
-BY_FAMILY = discriminate_by("family", "cells", "preisach", "duhem", default="cells")
+FAMILY_DISCRIMINATOR = discriminate_by("family", "cells", "preisach", "duhem", default="cells")
 """By it an iron of a file is read as the table of its family."""
 IronEntry = Annotated[
-    Annotated[NamedCells, Tag(f"{BRANCH}cells")]
-    | Annotated[NamedPreisach, Tag(f"{BRANCH}preisach")]
-    | Annotated[NamedDuhem, Tag(f"{BRANCH}duhem")],
-    BY_FAMILY,
+    Annotated[NamedCells, Tag(f"{BRANCH_PREFIX}cells")]
+    | Annotated[NamedPreisach, Tag(f"{BRANCH_PREFIX}preisach")]
+    | Annotated[NamedDuhem, Tag(f"{BRANCH_PREFIX}duhem")],
+    FAMILY_DISCRIMINATOR,
 ]

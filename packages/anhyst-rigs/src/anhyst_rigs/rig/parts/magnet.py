@@ -28,7 +28,7 @@ from anhyst.support.toml_file import NotNegative, Positive, Table
 from anhyst.support.units import MU_0
 from anhyst_rigs.rig.parts.iron import AnySteel
 
-_CURRENTS, _GAPS = 257, 129
+_TABLE_CURRENTS, _TABLE_GAPS = 257, 129
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +48,11 @@ class Poles:
     bias: float = 0.0
     spring: float = 0.0
 
-    def density(self, gain: FloatArray, gap: FloatArray) -> FloatArray:
+    def flux_density(self, gain: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the flux density in the gap, T, that pulls with a force of `gain`, N."""
         return np.sqrt(MU_0 * gain / ((self.width + gap) * (self.depth + gap)))
 
-    def pull(self, density: FloatArray, gap: FloatArray, middle: float) -> FloatArray:
+    def pull_force(self, density: FloatArray, gap: FloatArray, middle: float) -> FloatArray:
         """Return the force, N, that a flux density, T, makes at a gap, m, as the plant does.
 
         What goes both ways has no force of its own in the middle.
@@ -101,7 +101,7 @@ ACTUATORS: Registry[ActuatorKind] = Registry(
 
 
 @dataclass(frozen=True, slots=True)
-class Solid:
+class SolidIron:
     """Solid iron in the path of a magnet: a slab that the field enters at its surface."""
 
     length: float  # of the path, m
@@ -109,33 +109,35 @@ class Solid:
     conductivity: float  # S/m
     volumes: int = 12  # into which the depth is cut, narrower at the surface
 
-    def numbers(self) -> tuple[FloatArray, FloatArray]:
+    def layer_parameters(self) -> tuple[FloatArray, FloatArray]:
         """Return the share of each volume in the section, and its drag, A s/(m T)."""
-        width = np.geomspace(1.0, _WIDENS, self.volumes)
+        width = np.geomspace(1.0, _VOLUME_WIDTH_RATIO, self.volumes)
         width /= width.sum()
         apart = 0.5 * np.append(width[0], width[1:] + width[:-1])
         return width, self.conductivity * self.depth**2 * apart
 
 
-_WIDENS = 6.0
+_VOLUME_WIDTH_RATIO = 6.0
 """By which the volume in the middle is wider than that at the surface."""
 
 
-def iron_magnet(
+def make_iron_magnet(
     poles: Poles,
     steel: AnySteel,
     eddy_time: float = 0.0,
     gap: float = 1e-3,
-    solid: Solid | None = None,
+    solid: SolidIron | None = None,
 ) -> Magnet:
     """Return a magnet whose iron is not a Jiles-Atherton material."""
-    numbers = circuit_numbers(poles, eddy_time, gap)
+    numbers = circuit_parameters(poles, eddy_time, gap)
     if solid is None:
-        return Magnet(numbers, steel.plant())
-    return Magnet(numbers, steel.plant(), solid.length / poles.iron_length, *solid.numbers())
+        return Magnet(numbers, steel.make_steel())
+    return Magnet(
+        numbers, steel.make_steel(), solid.length / poles.iron_length, *solid.layer_parameters()
+    )
 
 
-def circuit_numbers(poles: Poles, eddy_time: float, gap: float) -> dict[str, float]:
+def circuit_parameters(poles: Poles, eddy_time: float, gap: float) -> dict[str, float]:
     """Return winding and circuit of an iron by the names of ``anhyst_plant/magnet.h``."""
     return {
         "iron_length": poles.iron_length,
@@ -165,9 +167,9 @@ class FluxTable:
 def read_flux_table(path: PathLike) -> FluxTable:
     """Read a flux table."""
     table = read_columns(path)
-    current = table.need("current", "I_A")
-    gap = table.need("gap", "gap_m")
-    psi = table.need("flux_linkage", "psi_Wb")
+    current = table.require("current", "I_A")
+    gap = table.require("gap", "gap_m")
+    psi = table.require("flux_linkage", "psi_Wb")
     currents, column = np.unique(current, return_inverse=True)
     gaps, row = np.unique(gap, return_inverse=True)
     for name, values in (("current", currents), ("gap", gaps)):
@@ -177,16 +179,16 @@ def read_flux_table(path: PathLike) -> FluxTable:
     if currents[0] != 0.0:
         text = f"currents begin at {currents[0]:g} A; begin at 0, the flux is taken as odd in it"
         raise InputError(
-            f"{table.where(int(np.argmin(current)))}: {text}",
+            f"{table.locate_row(int(np.argmin(current)))}: {text}",
             code="currents-not-from-zero",
             key="I_A",
         )
     numbers = np.full((gaps.size, currents.size), -1)
     for number, cell in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
         if numbers[cell] >= 0:
-            point = _point(gap[number], current[number])
+            point = _point_text(gap[number], current[number])
             raise InputError(
-                f"{table.where(number)}: {point} comes twice; remove one", code="value-again"
+                f"{table.locate_row(number)}: {point} comes twice; remove one", code="value-again"
             )
         numbers[cell] = number
     _check_full(table.path, gaps, currents, numbers)
@@ -221,7 +223,7 @@ def _check_full(
 ) -> None:
     holes = np.argwhere(numbers < 0)
     if len(holes):
-        first = _point(gaps[holes[0, 0]], currents[holes[0, 1]])
+        first = _point_text(gaps[holes[0, 0]], currents[holes[0, 1]])
         more = f" and at {len(holes) - 1} other points" if len(holes) > 1 else ""
         raise InputError(
             f"{path}: has a hole at {first}{more}; {gaps.size} gaps and {currents.size} currents "
@@ -240,27 +242,27 @@ def _check_monotone(table: DataTable, made: FluxTable, numbers: NDArray[np.int_]
     ):
         if len(places):
             g, i = places[0].tolist()
-            point = _point(made.gap[g], made.current[i])
-            where = table.where(int(numbers[g, i]))
+            point = _point_text(made.gap[g], made.current[i])
+            where = table.locate_row(int(numbers[g, i]))
             raise InputError(f"{where}: {text} at {point}; correct this point", code="not-monotone")
 
 
-def _point(gap: float, current: float) -> str:
+def _point_text(gap: float, current: float) -> str:
     return f"{gap * 1e3:g} mm, {current:g} A"
 
 
-def flux_table_of(
+def make_flux_table(
     poles: Poles, steel: AnySteel, current_high: float, gaps: tuple[float, float]
 ) -> FluxTable:
     """Make a flux table from a magnet's poles and the anhysteretic curve of its iron."""
-    current = np.linspace(0.0, current_high, _CURRENTS)
-    gap = np.linspace(*gaps, _GAPS)
-    magnet = Magnet(circuit_numbers(poles, 0.0, float(gap[0])), steel.unpinned())
+    current = np.linspace(0.0, current_high, _TABLE_CURRENTS)
+    gap = np.linspace(*gaps, _TABLE_GAPS)
+    magnet = Magnet(circuit_parameters(poles, 0.0, float(gap[0])), steel.make_anhysteretic_steel())
     psi = [Coil(magnet).run(current, np.full(current.size, at))[:, 1] for at in gap]
     return FluxTable(current, gap, np.array(psi))
 
 
-def law_magnet(
+def make_law_magnet(
     poles: Poles, iron: IronOperator, rows: FloatArray, eddy: float, table: FluxTable
 ) -> Magnet:
     """Return a magnet whose pull an identified law makes and whose flux linkage a table."""
@@ -276,9 +278,12 @@ def law_magnet(
         "resistance": poles.resistance,
     }
     ends = numbers["gap_low"], numbers["gap_high"]
-    rows = np.column_stack([rows, poles.density(rows[:, 2], np.linspace(*ends, len(rows)))])
+    rows = np.column_stack([rows, poles.flux_density(rows[:, 2], np.linspace(*ends, len(rows)))])
     # The table on a fine grid of equal steps, by monotone cubics: it rises where the given does.
-    current, gap = np.linspace(0.0, numbers["current_high"], _CURRENTS), np.linspace(*ends, _GAPS)
+    current, gap = (
+        np.linspace(0.0, numbers["current_high"], _TABLE_CURRENTS),
+        np.linspace(*ends, _TABLE_GAPS),
+    )
     psi = PchipInterpolator(table.current, table.psi, axis=1)(current)
     psi = np.ascontiguousarray(PchipInterpolator(table.gap, psi, axis=0)(gap))
     return Magnet(numbers, iron, rows, psi)
@@ -309,7 +314,7 @@ class CircuitTable(Table):
     tip_taper: NotNegative  # how much thicker it is for each metre of depth
     tip_saturation_T: Positive  # flux density at which the wall saturates
 
-    def cone(self) -> dict[str, float]:
+    def cone_parameters(self) -> dict[str, float]:
         """Return its working gap by the names of ``anhyst_plant/magnet.h``."""
         return {
             "leakage": self.leakage_H,
@@ -324,7 +329,7 @@ class CircuitTable(Table):
             "saturation": self.tip_saturation_T,
         }
 
-    def numbers(self, path: FluxPath) -> dict[str, float]:
+    def circuit_parameters(self, path: FluxPath) -> dict[str, float]:
         """Return winding and iron path by the names of ``anhyst_plant/magnet.h``."""
         zeros = ("pole_width", "pole_depth", "leakage", "eddy", "bias", "middle", "spring")
         return {
@@ -336,6 +341,6 @@ class CircuitTable(Table):
         }
 
 
-def solenoid_magnet(steel: AnySteel, path: FluxPath, circuit: CircuitTable) -> Magnet:
+def make_solenoid_magnet(steel: AnySteel, path: FluxPath, circuit: CircuitTable) -> Magnet:
     """Return the solenoid as the plant computes it."""
-    return Magnet(circuit.numbers(path), steel.plant(), circuit.cone())
+    return Magnet(circuit.circuit_parameters(path), steel.make_steel(), circuit.cone_parameters())

@@ -13,18 +13,23 @@ from anhyst.control.position import Allocation
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.stage.geometry import pull_rows, travel_m, weight, without
+from anhyst_rigs.rig.stage.geometry import (
+    inverses_without_head,
+    magnet_rows,
+    travel_m,
+    weight_wrench,
+)
 
-_YIELDS = {"x": 1e-2, "y": 5e-3, "z": 1e-4, "rx": 3e-3, "ry": 3e-3, "rz": 1e-4}
-_INSIDE = 1e-6
+_AXIS_YIELDS = {"x": 1e-2, "y": 5e-3, "z": 1e-4, "rx": 3e-3, "ry": 3e-3, "rz": 1e-4}
+_MIN_FORCE_MARGIN_RATIO = 1e-6
 """Part of its range by which every force can be off its bounds where a body can be pushed any way."""
-_SAME = 1e-9
+_LINE_TOLERANCE = 1e-9
 """By which lines of a pair may miss each other, m or parts of a direction."""
-LANDED = 1.5
+LANDING_TRAVEL_RATIO = 1.5
 """By how much farther than to the end stop a body is set down, so that it lies there in the end."""
-_SURE = 0.5
+_CERTAIN_SLEW_RATIO = 0.5
 """Part of what supply and inductance let a current change by that it does change by at least."""
-MOST_TICKS = 65535
+MAX_LANDING_TICKS = 65535
 """Of a landing."""
 
 
@@ -33,39 +38,41 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
 
     Raises ValueError where the magnets cannot push along every coordinate.
     """
-    least, most = least_of(file), file.tracking.force_max_N
+    least, most = min_single_force(file), file.tracking.force_max_N
     return WrenchLayout(
-        pull_rows(file), opposed(file), kind, idle, least, most, yields=yields(file)
+        magnet_rows(file), opposing_magnets(file), kind, idle, least, most, yields=axis_yields(file)
     )
 
 
-def largest_push(file: RigFile, way: FloatArray) -> float:
+def largest_wrench_factor(file: RigFile, wrench: FloatArray) -> float:
     """Return how many times such a wrench all magnets can make, either way, beside the weight."""
     layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
     each = file.tracking.force_max_N
-    most = each * len(file.placed)
+    most = each * len(file.body_magnets)
 
     def fits(push: FloatArray) -> bool:
-        shared = [layout.share((one - weight(file)).tolist()) for one in (push, -push)]
+        shared = [layout.share((one - weight_wrench(file)).tolist()) for one in (push, -push)]
         return all(made and max(forces) <= each for forces, made in shared)
 
     low, high = 0.0, most
     while high - low > 1e-3 * most:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if fits(middle * way) else (low, middle)
+        low, high = (middle, high) if fits(middle * wrench) else (low, middle)
     return low
 
 
-def yields(file: RigFile) -> list[float]:
+def axis_yields(file: RigFile) -> list[float]:
     """Return how readily each coordinate is given up once a magnet is lost, of 1.
 
     Height and tilt least, then the turn about z, then y, then x.
     """
-    return [_YIELDS[axis] for axis in file.body.free]
+    return [_AXIS_YIELDS[axis] for axis in file.body.free]
 
 
 @cache
-def _spare(pull: bytes, magnets: int, weight: tuple[float, ...], least: float, most: float) -> int:
+def _find_spare_magnets(
+    pull: bytes, magnets: int, weight: tuple[float, ...], least: float, most: float
+) -> int:
     rows = np.frombuffer(pull).reshape(magnets, -1)
     spare_magnets = 0
     for lost in range(magnets):
@@ -81,62 +88,67 @@ def _spare(pull: bytes, magnets: int, weight: tuple[float, ...], least: float, m
         best = linprog(
             [*np.zeros(count), -1.0], inside, limits, made, -np.array(weight), (None, None)
         )
-        if best.status == 0 and best.x[-1] > _INSIDE * (most - least):
+        if best.status == 0 and best.x[-1] > _MIN_FORCE_MARGIN_RATIO * (most - least):
             spare_magnets |= 1 << lost
     return spare_magnets
 
 
-def spare(file: RigFile) -> int:
+def spare_magnets(file: RigFile) -> int:
     """Return the magnets, bit by bit, without one of which the others hold every coordinate.
 
     They carry the weight, and can push either way beside.
     """
-    pull = pull_rows(file)
-    bounds = least_of(file), file.tracking.force_max_N
-    return _spare(pull.tobytes(), len(pull), tuple(weight(file).tolist()), *bounds)
+    pull = magnet_rows(file)
+    bounds = min_single_force(file), file.tracking.force_max_N
+    return _find_spare_magnets(
+        pull.tobytes(), len(pull), tuple(weight_wrench(file).tolist()), *bounds
+    )
 
 
 def usual_allocation(file: RigFile) -> Allocation:
     """Return how pairs share; of magnets that go both ways there are none."""
-    return Allocation.SINGLE if file.magnet.both_ways else Allocation.CLASS_AB
+    return Allocation.SINGLE if file.magnet.is_bidirectional else Allocation.CLASS_AB
 
 
-def least_of(file: RigFile) -> float:
+def min_single_force(file: RigFile) -> float:
     """Return the least force of a magnet that stands alone, N."""
     table = file.tracking
-    return -table.force_max_N if file.magnet.both_ways else table.force_min_N
+    return -table.force_max_N if file.magnet.is_bidirectional else table.force_min_N
 
 
-def opposed(file: RigFile) -> list[int]:
+def opposing_magnets(file: RigFile) -> list[int]:
     """Return for each magnet that which pulls against it on one line, itself where it is alone.
 
     What goes both ways needs none.
     """
     lines = np.array(
-        [[*one.direction, *np.cross(one.position_m, one.direction)] for one in file.placed]
+        [[*one.direction, *np.cross(one.position_m, one.direction)] for one in file.body_magnets]
     )
     against = list(range(len(lines)))
-    if file.magnet.both_ways:
+    if file.magnet.is_bidirectional:
         return against
-    for i, j in np.argwhere(np.abs(lines[:, None] + lines).max(axis=2) < _SAME).tolist():
+    for i, j in np.argwhere(np.abs(lines[:, None] + lines).max(axis=2) < _LINE_TOLERANCE).tolist():
         if against[i] == i and against[j] in (i, j):
             against[i] = j
     return against
 
 
-def watch_settings(rig: BodyRig) -> dict[str, float]:
+def monitoring_settings(rig: BodyRig) -> dict[str, float]:
     """Return by what a controller finds what is lost, and how it lands."""
     table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
     late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
-    others = without(rig.settings)
-    down = LANDED * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
+    others = inverses_without_head(rig.settings)
+    down = LANDING_TRAVEL_RATIO * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
     return {
         "follow": 1.0 - math.exp(-rig.dt / late),
-        "slew": _SURE * amplifier.supply / rig.settings.magnet.poles.inductance(rig.gap) * rig.dt,
+        "slew": _CERTAIN_SLEW_RATIO
+        * amplifier.supply
+        / rig.settings.magnet.poles.inductance(rig.gap)
+        * rig.dt,
         "off": table.lost_A or 0.0,
         "off_ticks": max(1, round(table.lost_s / rig.dt)),
-        "spare": spare(rig.settings) if table.lost_A else 0,
-        "land_ticks": min(math.ceil(down), MOST_TICKS),
+        "spare": spare_magnets(rig.settings) if table.lost_A else 0,
+        "land_ticks": min(math.ceil(down), MAX_LANDING_TICKS),
         "jump": (table.head_m_per_s or 0.0) * rig.dt,
         "doubt": AXES_ODD * max(1, round(table.head_s / rig.dt)),
         "noisy": int(all(one.noise_m > one.step_m for one in rig.settings.position_sensors)),

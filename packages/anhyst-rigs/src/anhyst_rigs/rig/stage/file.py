@@ -14,22 +14,22 @@ import numpy as np
 from anhyst.support.atomic import PathLike
 from anhyst.support.toml_file import FileFault, faults_error
 from anhyst_rigs.rig.body import BodyRig, plant_faults
-from anhyst_rigs.rig.calibration import ParameterName, of_stage
+from anhyst_rigs.rig.calibration import ParameterName, stage_parameter_names
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.rig.from_loops import complete_rig
 from anhyst_rigs.rig.kind_rules import read_rig_file
-from anhyst_rigs.rig.lines import BodyLines, Coordinate
-from anhyst_rigs.rig.magnet_table import DIRECTION_ROUNDING, ORIGIN
-from anhyst_rigs.rig.stage.drives import largest_push, usual_allocation, wrench_layout
+from anhyst_rigs.rig.lines import Coordinate, LinesOfAction
+from anhyst_rigs.rig.magnet_table import ORIGIN, UNIT_LENGTH_TOLERANCE
+from anhyst_rigs.rig.stage.drives import largest_wrench_factor, usual_allocation, wrench_layout
 from anhyst_rigs.rig.stage.geometry import (
-    along_scan,
-    axes_of,
+    axis_indices,
+    head_lines,
     head_rows,
-    heads_of,
     scan_direction,
-    stops_of,
+    scan_wrench,
+    stop_distances,
     travel_m,
-    weight,
+    weight_wrench,
 )
 
 
@@ -37,22 +37,24 @@ class StageRig(BodyRig):
     """A stage as its file describes it."""
 
     @property
-    def numbers(self) -> tuple[ParameterName, ...]:
+    def parameter_names(self) -> tuple[ParameterName, ...]:
         """All that its motion may teach."""
-        return of_stage(len(self.settings.placed))
+        return stage_parameter_names(len(self.settings.body_magnets))
 
     @cached_property
-    def lines(self) -> BodyLines:
+    def lines_of_action(self) -> LinesOfAction:
         """Where everything acts on the body: its coordinates count from where it works.
 
         Each magnet has a gap sensor of its own. Weight is along -z, and a load along the set-point.
         """
         file, body = self.settings, self.settings.body
-        lines = [(one.position_m, one.direction, one.gap_m or file.gap_m) for one in file.placed]
-        ends = zip(axes_of(file), stops_of(file), strict=True)
-        heads = zip(heads_of(file), file.position_sensors, strict=True)
+        lines = [
+            (one.position_m, one.direction, one.gap_m or file.gap_m) for one in file.body_magnets
+        ]
+        ends = zip(axis_indices(file), stop_distances(file), strict=True)
+        heads = zip(head_lines(file), file.position_sensors, strict=True)
         along = file.scan.direction
-        return BodyLines(
+        return LinesOfAction(
             coordinates=[Coordinate(axis, -end, end, 0.0) for axis, end in ends],
             magnets=[({"r": place, "d": way}, gap) for place, way, gap in lines],
             gap_sensors=[
@@ -73,33 +75,35 @@ def read_stage(path: PathLike) -> BodyRig:
     faults = [*plant_faults(settings), *_travel_faults(settings)]
     if settings.magnet.kind == "law":
         text = 'a stage needs a magnet of iron; write kind = "electromagnet"'
-        key = settings.place(settings.magnet, "kind")
+        key = settings.key_path(settings.magnet, "kind")
         faults.append(FileFault(key, text, code="not-for-this-kind"))
     faults = faults or list(_line_faults(settings)) or list(_pose_faults(settings))
     if faults:
         raise faults_error(place, faults)
     rig: BodyRig = StageRig(place, settings)
-    return complete_rig(rig, rig.measured.read()) if settings.magnet.from_loops else rig
+    return (
+        complete_rig(rig, rig.measured_loops.read()) if settings.magnet.has_iron_from_loops else rig
+    )
 
 
 def files_of_stage(path: PathLike, controller: PathLike | None) -> list[Path]:
     """Return the rig file and all files that it names."""
     del controller
     rig = StageRig(Path(path), read_rig_file(path, "tracking"))
-    taught = [] if rig.calibration is None else [rig.calibration]
-    return [rig.path, *taught, *rig.measured.files]
+    taught = [] if rig.calibration_path is None else [rig.calibration_path]
+    return [rig.path, *taught, *rig.measured_loops.files]
 
 
 def _travel_faults(file: RigFile) -> Iterator[FileFault]:
     """Find magnets that the body would touch before its end stops."""
     body, travel = file.body, travel_m(file)
-    for magnet in file.placed:
+    for magnet in file.body_magnets:
         if magnet.gap_m is not None and not travel < magnet.gap_m:
             text = f"the body travels {travel:g} m, from {body.stop_low_m:g} to "
             text += (
                 f"{body.stop_high_m:g} m at the first magnet, and would touch this one; raise it"
             )
-            yield FileFault(file.place(magnet, "gap_m"), text, code="range-too-narrow")
+            yield FileFault(file.key_path(magnet, "gap_m"), text, code="range-too-narrow")
     if not travel > (off := 0.5 * file.frame.stray_m):
         text = f"the body travels {travel:g} m either way, and the long stroke is off by {off:g} m"
         yield FileFault(
@@ -115,11 +119,11 @@ def _line_faults(file: RigFile) -> Iterator[FileFault]:
     """
     free = file.body.free
     needed = {"direction": free != ["x"], "position_m": any(axis.startswith("r") for axis in free)}
-    for table in (*file.placed, *file.position_sensors):
+    for table in (*file.body_magnets, *file.position_sensors):
         for key in (key for key, is_needed in needed.items() if is_needed):
             if key not in table.model_fields_set:
                 text = f"is missing, a body that is free in {', '.join(free)} needs it; add it"
-                yield FileFault(file.place(table, key), text, code="missing")
+                yield FileFault(file.key_path(table, key), text, code="missing")
 
 
 def _pose_faults(file: RigFile) -> Iterator[FileFault]:
@@ -131,30 +135,30 @@ def _pose_faults(file: RigFile) -> Iterator[FileFault]:
     for sensor, row in zip(file.position_sensors, head_rows(file), strict=True):
         if not row.any():
             text = f"reads nothing of a body that is free in {free}; turn it, or remove it"
-            yield FileFault(file.place(sensor), text, code="axis-not-seen")
-    if file.body.gravity_m_per_s2 and not weight(file).any():
+            yield FileFault(file.key_path(sensor), text, code="axis-not-seen")
+    if file.body.gravity_m_per_s2 and not weight_wrench(file).any():
         text = f"weight is along -z, and does not move a body that is free in {free}; remove it"
-        yield FileFault(file.place(file.body, "gravity_m_per_s2"), text, code="without-effect")
+        yield FileFault(file.key_path(file.body, "gravity_m_per_s2"), text, code="without-effect")
     if np.linalg.matrix_rank(head_rows(file)) < len(file.body.free):
         text = f"the position sensors do not tell {free} apart; add one, or move them"
         yield FileFault(("sensor",), text, code="axis-not-seen")
-    if abs(np.linalg.norm(scan_direction(file)) - 1.0) > DIRECTION_ROUNDING:
+    if abs(np.linalg.norm(scan_direction(file)) - 1.0) > UNIT_LENGTH_TOLERANCE:
         text = f"the body is free in {free} and cannot go there; correct it"
-        yield FileFault(file.place(file.scan, "direction"), text, code="wrong-direction")
+        yield FileFault(file.key_path(file.scan, "direction"), text, code="wrong-direction")
     try:
         layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
     except ValueError:
         text = f"these magnets cannot push along all of {free}; add one, or move them"
         yield FileFault(("magnet",), text, code="axis-not-held")
         return
-    if not layout.share((-weight(file)).tolist())[1]:
+    if not layout.share((-weight_wrench(file)).tolist())[1]:
         text = "no pulls of these magnets hold the body and its weight; turn one, or add one"
         yield FileFault(("magnet",), text, code="load-too-large")
         return
-    able = largest_push(file, along_scan(file))
+    able = largest_wrench_factor(file, scan_wrench(file))
     for key in ("train_m_per_s2", "test_m_per_s2"):
         needed = file.body.mass_kg * max(getattr(file.scan, key))
         if needed > 1.01 * able:  # which is found to a part in a thousand
             text = f"{file.body.mass_kg:g} kg need {needed:.4g} N, and the magnets push with "
             text += f"{able:.4g} N along the set-point, either way, beside the weight; lower it"
-            yield FileFault(file.place(file.scan, key), text, code="load-too-large")
+            yield FileFault(file.key_path(file.scan, key), text, code="load-too-large")

@@ -6,28 +6,35 @@ from collections.abc import Callable
 from functools import cache, partial
 
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.sources import Operating
+from anhyst.compensate.sources import OperatingRange
 from anhyst.data import Loops
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MethodName
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.calibration import CENTRE, CalibratedMethod
+from anhyst_rigs.rig.calibration import CENTRE_PARAMETERS, CalibratedMethod
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift
-from anhyst_rigs.rig.fitting import IdentifiedMagnet, calibrated, fit_at, identify_rippling
-from anhyst_rigs.rig.stage.calibrated import correction
-from anhyst_rigs.rig.stage.loop import StageSetup, bias
+from anhyst_rigs.rig.fitting import (
+    IdentifiedMagnet,
+    calibrate_magnet,
+    fit_compensators,
+    identify_magnet_with_ripple,
+)
+from anhyst_rigs.rig.stage.calibrated import correction_rows
+from anhyst_rigs.rig.stage.loop import StageSetup, bias_force
 
 
-def identify_stage(rig: BodyRig, loops: Loops | None = None) -> IdentifiedMagnet:
+def identify_stage_magnet(rig: BodyRig, loops: Loops | None = None) -> IdentifiedMagnet:
     """Identify what is known of the magnets of a stage, from its loops or others of them."""
 
     def usable(known: IdentifiedMagnet) -> bool:
         try:
-            return bool(fit_method(rig, known, "full"))
+            return bool(fit_method_compensator(rig, known, "full"))
         except InputError:
             return False
 
-    return identify_rippling(loops or rig.measured.read(), rig.settings.loops, usable)
+    return identify_magnet_with_ripple(
+        loops or rig.measured_loops.read(), rig.settings.loops, usable
+    )
 
 
 def make_stage(
@@ -40,13 +47,15 @@ def make_stage(
 
     It is corrected by what was found, here or in the file that the rig names.
     """
-    learnt = calibrated or rig.learnt(method)
+    learnt = calibrated or rig.method_calibration(method)
     if learnt is None:
-        return StageSetup(rig, fit_method(rig, magnet, method))
-    return corrected(rig, cache(partial(fit_method, rig, magnet, method)), learnt)
+        return StageSetup(rig, fit_method_compensator(rig, magnet, method))
+    return apply_calibration(
+        rig, cache(partial(fit_method_compensator, rig, magnet, method)), learnt
+    )
 
 
-def corrected(
+def apply_calibration(
     rig: BodyRig,
     fitted: Callable[[float], ForceController],
     learnt: CalibratedMethod,
@@ -56,34 +65,34 @@ def corrected(
 
     Fitted is it for a width of the loop.
     """
-    each = tuple(fitted(width) for width in learnt.widths(len(rig.settings.placed)))
+    each = tuple(fitted(width) for width in learnt.width_changes(len(rig.settings.body_magnets)))
     return StageSetup(
         rig,
         each[0],
         drift=drift,
-        correction=correction(learnt, each[0], rig),
-        own=each,
-        body={name: learnt.value(name) for name in ("payload", *CENTRE)},
-        cable=learnt.value("cable_N_per_m"),
+        correction_rows=correction_rows(learnt, each[0], rig),
+        own_compensators=each,
+        body_corrections={name: learnt.value(name) for name in ("payload", *CENTRE_PARAMETERS)},
+        cable_stiffness=learnt.value("cable_N_per_m"),
     )
 
 
-def fit_method(
+def fit_method_compensator(
     rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, wider: float = 0.0
 ) -> ForceController:
     """Fit one variant to what is known of a magnet whose loops are wider by a part."""
     table, measured = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]
     try:
-        operating = Operating(
+        operating = OperatingRange(
             gap=rig.gap,
-            force=bias(rig, method),
+            force=bias_force(rig, method),
             rate=table.timing.rate_Hz,
             gap_range=(min(measured), max(measured)),
             force_max=table.tracking.force_max_N,
             current_max=table.amplifier.current_high_A,
-            both_ways=table.magnet.both_ways,
+            is_bipolar=table.magnet.is_bidirectional,
         )
-        known = calibrated(magnet, wider=wider) if wider else magnet
-        return fit_at(rig, operating, [known], method, table.tracking.format)[0]
+        known = calibrate_magnet(magnet, width_change=wider) if wider else magnet
+        return fit_compensators(rig, operating, [known], method, table.tracking.format)[0]
     except InputError as error:
-        raise error.at(rig.measured.text) from error
+        raise error.with_location(rig.measured_loops.description) from error

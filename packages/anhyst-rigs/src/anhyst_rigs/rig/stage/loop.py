@@ -12,7 +12,7 @@ from anhyst._core import FixedAxes, LoopController, Plant, TrackingAxes, Trackin
 from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import HysteresisInverse
-from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes
+from anhyst.control.fixed_axes import DriveLayout, FixedController, make_fixed_controller
 from anhyst.control.position import Allocation
 from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray
@@ -21,33 +21,33 @@ from anhyst_rigs.rig.calibration import ParameterName
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift, drifted_plant
 from anhyst_rigs.rig.loop import Scenario, Setup, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.calibrated import believed
+from anhyst_rigs.rig.stage.calibrated import assumed_rig
 from anhyst_rigs.rig.stage.drives import (
-    least_of,
-    opposed,
+    axis_yields,
+    min_single_force,
+    monitoring_settings,
+    opposing_magnets,
     usual_allocation,
-    watch_settings,
     wrench_layout,
-    yields,
 )
 from anhyst_rigs.rig.stage.geometry import (
-    along_scan,
-    axes_of,
-    decoupling,
+    axis_indices,
+    decoupling_matrices,
     head_rows,
-    pull_rows,
+    inverses_without_head,
+    magnet_rows,
     scan_direction,
-    stops_of,
+    scan_wrench,
+    stop_distances,
     travel_m,
-    weight,
-    without,
+    weight_wrench,
 )
-from anhyst_rigs.rig.stage.recording import recorded, stage_loss
-from anhyst_rigs.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
+from anhyst_rigs.rig.stage.recording import find_stage_loss, recording_columns
+from anhyst_rigs.rig.stage.setpoint import SetPoint, frame_stray, motion_ticks, tick_times
 
-AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
+CONSTANT_METHODS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
-ODD = 2.0
+MAX_POSE_STOP_RATIO = 2.0
 """By how much farther off than the end stops let it a reading is not believed."""
 
 
@@ -65,17 +65,19 @@ class StageSetup(Setup):
     """All that a run of a stage needs."""
 
     # number format of PID and allocation; f64 goes with any compensator, f32 with f32 and fixed
-    law: NumberFormat = "f64"
+    number_format: NumberFormat = "f64"
     drift: Drift = NO_DRIFT  # by which the plant is not what was calibrated
-    correction: FloatArray | None = None  # of every magnet, as the core has it; not in fixed point
+    correction_rows: FloatArray | None = (
+        None  # of every magnet, as the core has it; not in fixed point
+    )
     # what was found of the body: what is fed forward is for its mass and centre of mass
-    body: Mapping[ParameterName, float] = field(default_factory=dict)
-    cable: float = 0.0  # N/m, and against such a cable
+    body_corrections: Mapping[ParameterName, float] = field(default_factory=dict)
+    cable_stiffness: float = 0.0  # N/m, and against such a cable
 
     @property
-    def believed(self) -> BodyRig:
+    def assumed_rig(self) -> BodyRig:
         """The stage as its controller believes it to be."""
-        return believed(self.rig, self.body) if self.body else self.rig
+        return assumed_rig(self.rig, self.body_corrections) if self.body_corrections else self.rig
 
     def make_plant(self, seed: int) -> Plant:
         """Return the plant, drifted, at rest where it works, its iron demagnetised."""
@@ -83,10 +85,10 @@ class StageSetup(Setup):
 
     def make_controller(self, drives: Sequence[ForceController] = ()) -> LoopController:
         """Return PIDs and allocation over force controllers, in their formats."""
-        return axes_controller(self, drives)
+        return make_axes_controller(self, drives)
 
 
-def pid(rig: BodyRig) -> dict[str, float]:
+def pid_coefficients(rig: BodyRig) -> dict[str, float]:
     """Return the PID as a filter of second order, by the trapezoidal rule.
 
     Where integral and lead end and begin, the rig file says in parts of the crossover.
@@ -116,13 +118,15 @@ def pid(rig: BodyRig) -> dict[str, float]:
     return {"b0": b0, "b1": b1, "b2": b2, "a1": a1, "a2": a2}
 
 
-def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
+def feedforward_force(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
     """Return the force fed forward at every tick, N, so much earlier as the loop is late."""
     rig = setup.rig
-    time = instants(rig, ticks_of(rig, motion)) + rig.late
-    place, acceleration, jerk, snap = motion.at(time)
+    time = tick_times(rig, motion_ticks(rig, motion)) + rig.loop_delay
+    place, acceleration, jerk, snap = motion.derivatives_at(time)
     moved = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
-    return np.asarray(setup.believed.settings.body.mass_kg * moved + setup.cable * place)
+    return np.asarray(
+        setup.assumed_rig.settings.body.mass_kg * moved + setup.cable_stiffness * place
+    )
 
 
 def track(
@@ -130,7 +134,7 @@ def track(
     motion: SetPoint,
     gains: Feedforward,
     seed: int = 0,
-    learnt: FloatArray | None = None,
+    learnt_force: FloatArray | None = None,
     load: FloatArray | None = None,
 ) -> Recording:
     """Follow a motion from rest, the iron demagnetised.
@@ -138,19 +142,19 @@ def track(
     `learnt` is added to what is fed forward; the controller does not know `load`, N, which pushes
     along the set-point.
     """
-    rig, n = setup.rig, ticks_of(setup.rig, motion)
-    time = instants(rig, n + 1)
-    place, forward = motion.at(time)[0], feed(setup, motion, gains)
-    if learnt is not None:
-        forward = forward + learnt
-    wrench = fed_wrench(setup.believed, forward)
-    scenario = scenario_along(rig, place, stray(rig, motion, time), wrench)
+    rig, n = setup.rig, motion_ticks(setup.rig, motion)
+    time = tick_times(rig, n + 1)
+    place, forward = motion.derivatives_at(time)[0], feedforward_force(setup, motion, gains)
+    if learnt_force is not None:
+        forward = forward + learnt_force
+    wrench = feedforward_wrench(setup.assumed_rig, forward)
+    scenario = scan_scenario(rig, place, frame_stray(rig, motion, time), wrench)
     # The body is off its reference by too little for the cable to feel it.
     pulled = -setup.drift.cable * place[:n] + (0.0 if load is None else load)
-    return follow(setup, replace(scenario, load=pulled), seed)
+    return run_scenario(setup, replace(scenario, load=pulled), seed)
 
 
-def scenario_along(
+def scan_scenario(
     rig: BodyRig, place: FloatArray, stray: FloatArray, wrench: FloatArray, offset: float = 0.0
 ) -> Scenario:
     """Return the scenario of a stage that moves along its set-point, or an offset beside it, m.
@@ -163,78 +167,86 @@ def scenario_along(
     return Scenario(np.outer(place[:n] + offset, along), feed=wrench, frame=frame)
 
 
-def follow(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
+def run_scenario(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
     """Go through a scenario from rest."""
     rig, run = setup.rig, SimulatedLoop(setup, seed).run(scenario)
-    return Recording(recorded(rig, run, scenario), stage_loss(rig, run, scenario.ticks))
+    return Recording(
+        recording_columns(rig, run, scenario), find_stage_loss(rig, run, scenario.ticks)
+    )
 
 
-def fed_wrench(rig: BodyRig, forward: FloatArray) -> FloatArray:
+def feedforward_wrench(rig: BodyRig, forward: FloatArray) -> FloatArray:
     """Return the wrench of a force along the set-point, a row a tick.
 
     It moves the centre of mass, and carries the weight.
     """
     file = rig.settings
-    return np.asarray(np.outer(forward, along_scan(file)) - weight(file))
+    return np.asarray(np.outer(forward, scan_wrench(file)) - weight_wrench(file))
 
 
-def bias(rig: BodyRig, method: str) -> float:
+def bias_force(rig: BodyRig, method: str) -> float:
     """Return what either magnet pulls with at rest, N: for constants half of the largest force."""
-    if rig.settings.magnet.both_ways:
+    if rig.settings.magnet.is_bidirectional:
         return 0.0
-    return 0.5 * rig.settings.tracking.force_max_N if method in AT_BIAS else rig.idle
+    return 0.5 * rig.settings.tracking.force_max_N if method in CONSTANT_METHODS else rig.idle_force
 
 
-def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
+def controller_matrices(setup: StageSetup) -> dict[str, FloatArray]:
     """Return the matrices of a controller, by their names in the core.
 
     Beside them `at`, what each head reads of a pose.
     """
     file, at = setup.rig.settings, head_rows(setup.rig.settings)
-    decouple, weigh = decoupling(setup.believed.settings)
-    b0, b1, b2, a1, a2 = pid(setup.rig).values()
+    decouple, weigh = decoupling_matrices(setup.assumed_rig.settings)
+    b0, b1, b2, a1, a2 = pid_coefficients(setup.rig).values()
     mass, speed = file.body.mass_kg, file.tracking.land_m_per_s * setup.rig.dt
-    ends = np.array(stops_of(file))[:, None]
+    ends = np.array(stop_distances(file))[:, None]
     return {
         "at": at,
         "see": np.ascontiguousarray(np.linalg.pinv(at)),
-        "without": without(file).reshape(at.size, len(at)),
-        "ground": np.array(axes_of(file) if file.heads_stand else [], dtype=float),
+        "without": inverses_without_head(file).reshape(at.size, len(at)),
+        "ground": np.array(axis_indices(file) if file.has_ground_heads else [], dtype=float),
         "decouple": decouple,
         "weigh": weigh,
         "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
-        "reach": ODD * ends,
+        "reach": MAX_POSE_STOP_RATIO * ends,
         "lift": ends * (file.tracking.lift_m_per_s * setup.rig.dt / travel_m(file)),
         "land": np.array([[-speed * (axis == "z")] for axis in file.body.free]),
     }
 
 
-def axes_controller(
+def make_axes_controller(
     setup: StageSetup, drives: Sequence[ForceController] = ()
 ) -> TrackingAxes | FixedAxes:
     """Return PIDs, decoupling and allocation over force controllers."""
-    magnets = [one.native for one in drives or setup.fresh()]
-    if setup.law == "fixed":
-        assert setup.correction is None, "in fixed point nothing corrects a force controller"
-        return fixed_words(setup).over(magnets, setup.compensator.parameters.flux_full_scale)
-    settings = controller_settings(setup) | watch_settings(setup.rig)
+    magnets = [one.native for one in drives or setup.make_compensators()]
+    if setup.number_format == "fixed":
+        assert setup.correction_rows is None, "in fixed point nothing corrects a force controller"
+        return make_fixed_stage_controller(setup).make_core(
+            magnets, setup.compensator.parameters.flux_full_scale
+        )
+    settings = controller_settings(setup) | monitoring_settings(setup.rig)
     kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
-    made = TrackingAxesF32 if setup.law == "f32" else TrackingAxes
+    made = TrackingAxesF32 if setup.number_format == "f32" else TrackingAxes
     controller = made(
-        magnets, wrench_layout(setup.rig.settings, kind, idle), axes_rows(setup), settings
+        magnets, wrench_layout(setup.rig.settings, kind, idle), controller_matrices(setup), settings
     )
-    if setup.correction is not None:
-        controller.correct(setup.correction)
+    if setup.correction_rows is not None:
+        controller.correct(setup.correction_rows)
     return controller
 
 
-def fixed_words(setup: StageSetup) -> FixedController:
+def make_fixed_stage_controller(setup: StageSetup) -> FixedController:
     """Return the words of a controller in fixed point."""
     file, settings = setup.rig.settings, controller_settings(setup)
     how = int(settings["allocation"]), settings["idle"]
-    bounds = least_of(file), file.tracking.force_max_N
-    drives = Drives(pull_rows(file), opposed(file), yields(file), *how, *bounds)
-    return fixed_axes(axes_rows(setup), drives, settings | watch_settings(setup.rig))
+    bounds = min_single_force(file), file.tracking.force_max_N
+    drives = DriveLayout(
+        magnet_rows(file), opposing_magnets(file), axis_yields(file), *how, *bounds
+    )
+    return make_fixed_controller(
+        controller_matrices(setup), drives, settings | monitoring_settings(setup.rig)
+    )
 
 
 def controller_settings(setup: StageSetup) -> dict[str, float]:
@@ -243,7 +255,7 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
     amplifier, scales = rig.settings.amplifier, compensator.scales
     low, high = amplifier.current_low_A, amplifier.current_high_A
     allocation = usual_allocation(rig.settings)
-    if setup.method in AT_BIAS and allocation is Allocation.CLASS_AB:
+    if setup.method in CONSTANT_METHODS and allocation is Allocation.CLASS_AB:
         allocation = Allocation.BY_HALVES
     return {
         "demand_full": scales.demand,
@@ -252,19 +264,19 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
         "gap_low": scales.gap_low,
         "gap_high": scales.gap_high,
         "allocation": allocation,
-        "idle": bias(rig, setup.method),
+        "idle": bias_force(rig, setup.method),
         "current_low": low,
         "current_high": high,
         "current_step": (high - low) / ((1 << amplifier.dac_bits) - 1),
     }
 
 
-def blocks_of(setup: StageSetup) -> list[Block]:
+def parameter_blocks(setup: StageSetup) -> list[Block]:
     """Return for each magnet the parameter block of its compensator of a law."""
-    return [block_of(compensator) for compensator in setup.each]
+    return [parameter_block(compensator) for compensator in setup.compensators]
 
 
-def block_of(compensator: ForceController) -> Block:
+def parameter_block(compensator: ForceController) -> Block:
     """Return the parameter block of a compensator of a law."""
     assert isinstance(compensator.parameters, HysteresisInverse)
     return compensator.parameters.block

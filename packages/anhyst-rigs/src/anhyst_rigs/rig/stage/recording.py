@@ -10,41 +10,41 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import Scenario
 from anhyst_rigs.rig.recording import (
-    CURRENTS,
-    OUT_OF_PROPORTION,
+    CURRENT_SIGNALS,
+    LOST_DEMAND_RATIO,
     Loss,
     Recording,
     SignalBound,
-    column,
+    column_name,
     find_loss,
-    of_magnets,
+    magnet_columns,
 )
 from anhyst_rigs.rig.stage.geometry import (
+    axis_unit,
     error_columns,
     head_rows,
+    pose_at_body,
     scan_direction,
-    seen_from,
-    stops_of,
-    unit_of,
+    stop_distances,
 )
 
-WRENCH = ("N", "N_m")
+WRENCH_UNITS = ("N", "N_m")
 """Units of a force along a coordinate and about one."""
 
 
-def recorded(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
+def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
     """Return the columns of a recording: along the set-point, of all coordinates and magnets."""
     file, n = rig.settings, len(run)
     reference, along, free = scenario.target[:n], scan_direction(file), file.body.free
-    poses = np.column_stack([run[name] for name in of_axes("pose", free)]) + scenario.frame[:n]
+    poses = np.column_stack([run[name] for name in axis_columns("pose", free)]) + scenario.frame[:n]
     errors = reference - poses
-    wrench = of_axes("demand", free, WRENCH)
+    wrench = axis_columns("demand", free, WRENCH_UNITS)
     demand = np.column_stack([run[name] for name in wrench]) @ along
     ticks, late = np.arange(n, dtype=float), rig.settings.timing.delay_ticks + 0.5
-    count = len(file.placed)
+    count = len(file.body_magnets)
     behind = range(count + 1, count + len(file.position_sensors) + 1)
-    heads = np.column_stack([run[column("gap_read", "m", number)] for number in behind])
-    read = seen_from(file, heads @ np.linalg.pinv(head_rows(file)).T, reference)
+    heads = np.column_stack([run[column_name("gap_read", "m", number)] for number in behind])
+    read = pose_at_body(file, heads @ np.linalg.pinv(head_rows(file)).T, reference)
     signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
     return {
         "t_s": run["t_s"],
@@ -56,36 +56,39 @@ def recorded(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[str, Floa
         # the force less what was demanded a delay earlier
         "force_error_N": np.asarray(run["force_N"] - np.interp(ticks - late, ticks, demand)),
         **{name: errors[:, k] for k, name in enumerate(error_columns(free))},
-        **{name: run[name] for name in of_magnets([("gap", "m"), *CURRENTS], 1, count)},
-        **{name: run[name] for name in of_magnets(signals, 1, count)},
+        **{name: run[name] for name in magnet_columns([("gap", "m"), *CURRENT_SIGNALS], 1, count)},
+        **{name: run[name] for name in magnet_columns(signals, 1, count)},
         **dict(zip(pose_columns(free), read.T, strict=True)),
         **{name: run[own] for name, own in zip(demand_columns(free), wrench, strict=True)},
     }
 
 
-def of_axes(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "rad")) -> list[str]:
+def axis_columns(
+    signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "rad")
+) -> list[str]:
     """Return the columns of a signal of every coordinate, in the loop's own record."""
     return [
-        column(signal, units[unit_of(axis) == "rad"], number) for number, axis in enumerate(free, 1)
+        column_name(signal, units[axis_unit(axis) == "rad"], number)
+        for number, axis in enumerate(free, 1)
     ]
 
 
-def stage_loss(rig: BodyRig, run: Recording, planned: int) -> Loss | None:
+def find_stage_loss(rig: BodyRig, run: Recording, planned: int) -> Loss | None:
     """Return where a stage was lost: on an end stop, or its demand out of proportion."""
     file, stop = rig.settings, "an end stop was reached"
-    most = OUT_OF_PROPORTION * file.tracking.force_max_N * len(file.placed)
+    most = LOST_DEMAND_RATIO * file.tracking.force_max_N * len(file.body_magnets)
     bounds = [SignalBound("the demanded force left all bounds", run["demand_N"], -most, most)]
-    poses = of_axes("pose", file.body.free)
-    for name, end in zip(poses, stops_of(file), strict=True):
+    poses = axis_columns("pose", file.body.free)
+    for name, end in zip(poses, stop_distances(file), strict=True):
         bounds.append(SignalBound(stop, run[name], -end, end))
     return find_loss(bounds, planned)
 
 
 def pose_columns(free: Sequence[str]) -> list[str]:
     """Return the columns of a recording that hold the pose as it was read."""
-    return [f"pose_read_{axis}_{unit_of(axis)}" for axis in free]
+    return [f"pose_read_{axis}_{axis_unit(axis)}" for axis in free]
 
 
 def demand_columns(free: Sequence[str], signal: str = "demand") -> list[str]:
     """Return the columns of a recording that hold the wrench that was demanded, or another one."""
-    return [f"{signal}_{axis}_{WRENCH[unit_of(axis) == 'rad']}" for axis in free]
+    return [f"{signal}_{axis}_{WRENCH_UNITS[axis_unit(axis) == 'rad']}" for axis in free]

@@ -12,9 +12,9 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import ScanCase
 
-STRAY_LATE = 5e-3
+STRAY_DELAY_S = 5e-3
 """How late a long stroke follows the acceleration, s."""
-_STRAY_HZ = 3.0  # of what it does by itself
+_OWN_STRAY_HZ = 3.0  # of what it does by itself
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class SetPoint:
     cruise: float  # s. The jerk rises and falls in a snap phase each at both ends of a jerk phase.
     jerk_phase: float
     snap_phase: float
-    rests: bool = False  # the last turnaround ends at rest
+    has_final_rest: bool = False  # the last turnaround ends at rest
 
     @property
     def pulses(self) -> list[tuple[float, float, float]]:
@@ -35,7 +35,7 @@ class SetPoint:
         pulses, time, speed = [], self.cruise, 0.0
         for number, peak in enumerate(self.peaks):
             target = self.speed if number % 2 == 0 else -self.speed
-            if self.rests and number == len(self.peaks) - 1:
+            if self.has_final_rest and number == len(self.peaks) - 1:
                 target = 0.0
             length = abs(target - speed) / peak + self.jerk_phase
             pulses.append((time, length, float(np.copysign(peak, target - speed))))
@@ -48,26 +48,33 @@ class SetPoint:
         begin, length, _ = self.pulses[-1]
         return begin + length + self.cruise
 
-    def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def derivatives_at(
+        self, time: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return position, acceleration, jerk and snap at some times, m, m/s2, m/s3, m/s4."""
         sums = [np.zeros_like(time) for _ in range(4)]
         for begin, length, height in self.pulses:
-            rise = height / self._rise(np.array([self.jerk_phase]), 1)[0]
+            rise = height / self._integrate_jerk_pulse(np.array([self.jerk_phase]), 1)[0]
             for sign, start in ((1.0, begin), (-1.0, begin + length - self.jerk_phase)):
                 for number, order in enumerate((3, 1, 0, -1)):
-                    sums[number] += sign * rise * self._rise(time - start, order)
+                    sums[number] += sign * rise * self._integrate_jerk_pulse(time - start, order)
         return sums[0], sums[1], sums[2], sums[3]
 
-    def _rise(self, time: FloatArray, order: int) -> FloatArray:
+    def _integrate_jerk_pulse(self, time: FloatArray, order: int) -> FloatArray:
         """Integrate a jerk that rises to one and falls again so many times; -1 is its slope.
 
         From its end on only lower powers are left: a path of hours keeps its digits.
         """
         end, later = np.array([self.jerk_phase]), np.maximum(time - self.jerk_phase, 0.0)
-        left = (self._within(end, order - one) * later**one / one for one in range(1, order))
-        return np.asarray(self._within(np.minimum(time, self.jerk_phase), order) + sum(left))
+        left = (
+            self._integrate_within_pulse(end, order - one) * later**one / one
+            for one in range(1, order)
+        )
+        return np.asarray(
+            self._integrate_within_pulse(np.minimum(time, self.jerk_phase), order) + sum(left)
+        )
 
-    def _within(self, time: FloatArray, order: int) -> FloatArray:
+    def _integrate_within_pulse(self, time: FloatArray, order: int) -> FloatArray:
         """Return the same until its end."""
         snap, jerk = self.snap_phase, self.jerk_phase
         corners = ((0.0, 1.0), (snap, -1.0), (jerk - snap, -1.0), (jerk, 1.0))
@@ -80,7 +87,7 @@ class SetPoint:
         return np.asarray(sum(parts) / whole)
 
 
-def motion_of(table: ScanCase, peaks: Sequence[float]) -> SetPoint:
+def scan_motion(table: ScanCase, peaks: Sequence[float]) -> SetPoint:
     """Return the motion that a rig file describes, with these accelerations."""
     return SetPoint(
         tuple(peaks), table.speed_m_per_s, table.cruise_s, table.jerk_phase_s, table.snap_phase_s
@@ -88,21 +95,21 @@ def motion_of(table: ScanCase, peaks: Sequence[float]) -> SetPoint:
 
 
 @dataclass(frozen=True)
-class Course:
+class SampledMotion:
     """A way to rest, as a stage is led along it, a value a tick."""
 
     position: FloatArray  # from where it begins, m; one more than ticks
     acceleration: FloatArray  # m/s2
     # acceleration, jerk, snap and position so much later as the loop is late, m/s2, m/s3, m/s4, m
-    ahead: FloatArray
+    early_derivatives: FloatArray
 
     def __len__(self) -> int:
         """Return its ticks."""
         return self.acceleration.size
 
-    def back(self) -> Course:
+    def reverse(self) -> SampledMotion:
         """Return the same the other way."""
-        return Course(-self.position, -self.acceleration, -self.ahead)
+        return SampledMotion(-self.position, -self.acceleration, -self.early_derivatives)
 
     def motion_at(self, tick: int, dt: float) -> tuple[float, float]:
         """Return speed, m/s, and acceleration, m/s2, at a tick of it."""
@@ -111,15 +118,17 @@ class Course:
         return float(speed), float(self.acceleration[tick])
 
 
-def course_of(motion: SetPoint, dt: float, ahead: float) -> Course:
+def sample_motion(motion: SetPoint, dt: float, ahead: float) -> SampledMotion:
     """Return the course of a motion that rests at its end, led so many seconds ahead."""
     time = dt * np.arange(round(motion.duration / dt) + 1, dtype=np.float64)
-    position, acceleration, _, _ = motion.at(time)
-    later, *derivatives = motion.at(time[:-1] + ahead)
-    return Course(position, acceleration[:-1], np.column_stack([*derivatives, later]))
+    position, acceleration, _, _ = motion.derivatives_at(time)
+    later, *derivatives = motion.derivatives_at(time[:-1] + ahead)
+    return SampledMotion(position, acceleration[:-1], np.column_stack([*derivatives, later]))
 
 
-def braking(speed: float, acceleration: float, motion: SetPoint, dt: float, ahead: float) -> Course:
+def plan_braking(
+    speed: float, acceleration: float, motion: SetPoint, dt: float, ahead: float
+) -> SampledMotion:
     """Return the course that ends a motion in the middle: its speed goes to zero along a cubic.
 
     It takes as long as the hardest turnaround, so that it needs no more force than that.
@@ -140,28 +149,30 @@ def braking(speed: float, acceleration: float, motion: SetPoint, dt: float, ahea
         return [first * moves, second * moves, third * moves, position]
 
     time = dt * np.arange(count + 1, dtype=np.float64)
-    return Course(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + ahead)))
+    return SampledMotion(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + ahead)))
 
 
-def stray(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:
+def frame_stray(rig: BodyRig, motion: SetPoint, time: FloatArray) -> FloatArray:
     """Return how far the long stroke is off along a motion, m."""
-    return strayed(rig, motion.at(time - STRAY_LATE)[1] / max(motion.peaks), time)
+    return frame_stray_from(
+        rig, motion.derivatives_at(time - STRAY_DELAY_S)[1] / max(motion.peaks), time
+    )
 
 
-def strayed(rig: BodyRig, late: FloatArray | float, time: FloatArray) -> FloatArray:
+def frame_stray_from(rig: BodyRig, late: FloatArray | float, time: FloatArray) -> FloatArray:
     """Return how far the long stroke is off, m: half with the acceleration, half by itself.
 
     The former is what it was :data:`STRAY_LATE` before, in parts of the largest.
     """
     stray = rig.settings.frame.stray_m
-    return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * _STRAY_HZ * time)))
+    return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * _OWN_STRAY_HZ * time)))
 
 
-def instants(rig: BodyRig, count: int) -> FloatArray:
+def tick_times(rig: BodyRig, count: int) -> FloatArray:
     """Return when the first ticks are, s."""
     return np.asarray(rig.dt * np.arange(count), dtype=np.float64)
 
 
-def ticks_of(rig: BodyRig, motion: SetPoint) -> int:
+def motion_ticks(rig: BodyRig, motion: SetPoint) -> int:
     """Return how many ticks a motion takes."""
     return round(motion.duration / rig.dt)

@@ -24,25 +24,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtr
 
-from anhyst.support.jobs import Progress, all_of
+from anhyst.support.jobs import Progress, map_ordered
 from anhyst.support.kinds import MethodName
-from anhyst.support.numeric import FloatArray, rms, sine, triangle
-from anhyst_rigs.rig.bearing.held import lost_at
+from anhyst.support.numeric import FloatArray, rms, sine, triangle_wave
+from anhyst_rigs.rig.bearing.held import levitation_loss_time
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import TrajectoryCase
-from anhyst_rigs.rig.loop import DROP, Scenario, SimulatedLoop
-from anhyst_rigs.rig.recording import RISE, Recording, peak
+from anhyst_rigs.rig.loop import DROP_SAMPLE_BIT, Scenario, SimulatedLoop
+from anhyst_rigs.rig.recording import RISE_CODE, Recording, peak_deviation
 from anhyst_rigs.study.bearing.responses import position_resolution, recovery_time
 from anhyst_rigs.study.engine.table import CaseFigures
 
-_PERIODS = 6  # a piece
-_PIECES = 5  # at least
-_CANDIDATES = 5  # peaks of the spectrum that are looked at
-_DOUBT = 1e-3  # that a record of noise is taken for a cycle
-_LEAST_SHARE = 0.1  # of the variance
-_PADDING = 8
+_PERIODS_PER_PIECE = 6  # a piece
+_MIN_PIECES = 5  # at least
+_MAX_CANDIDATES = 5  # peaks of the spectrum that are looked at
+_FALSE_ALARM_PROBABILITY = 1e-3  # that a record of noise is taken for a cycle
+_MIN_VARIANCE_SHARE = 0.1  # of the variance
+_PADDING_FACTOR = 8
 
 
 @dataclass(frozen=True)
@@ -51,47 +51,49 @@ class LimitCycle:
 
     amplitude: float  # of its fundamental, in the unit of the signal
     period: float  # s
-    share: float  # of the signal's variance that the fundamental makes up, 0..1
+    variance_share: float  # of the signal's variance that the fundamental makes up, 0..1
 
 
-def lowest_frequency(duration: float) -> float:
+def min_detectable_frequency(duration: float) -> float:
     """Return below which frequency no cycle can be distinguished from noise."""
-    return _PERIODS * _PIECES / duration
+    return _PERIODS_PER_PIECE * _MIN_PIECES / duration
 
 
-def limit_cycle(time: ArrayLike, position: ArrayLike, floor: float = 1e-9) -> LimitCycle | None:
+def find_limit_cycle(
+    time: ArrayLike, position: ArrayLike, min_amplitude: float = 1e-9
+) -> LimitCycle | None:
     """Look for a limit cycle in a record of a standstill."""
     t = np.asarray(time, dtype=float)
     y = np.asarray(position, dtype=float)
     y = y - np.polynomial.Polynomial.fit(t, y, 1)(t)
     variance = float(np.mean(y**2))
-    if variance <= 0.5 * floor**2:
+    if variance <= 0.5 * min_amplitude**2:
         return None
     tick = float(t[-1] - t[0]) / (len(t) - 1)
-    for frequency in _peaks(y, tick):
+    for frequency in _peak_frequencies(y, tick):
         amplitudes = _amplitudes(y, tick, frequency)
         power = float(np.mean(np.abs(amplitudes) ** 2))
         share = 0.5 * power / variance
-        if share < _LEAST_SHARE or math.sqrt(power) < floor:
+        if share < _MIN_VARIANCE_SHARE or math.sqrt(power) < min_amplitude:
             continue
-        if _keeps_phase(amplitudes, len(y)) or _keeps_size(amplitudes):
+        if _has_constant_phase(amplitudes, len(y)) or _has_constant_amplitude(amplitudes):
             return LimitCycle(math.sqrt(power), 1.0 / frequency, min(1.0, share))
     return None
 
 
-def _peaks(y: FloatArray, tick: float) -> list[float]:
+def _peak_frequencies(y: FloatArray, tick: float) -> list[float]:
     """Return the frequencies of the strongest oscillations, strongest first, Hz."""
-    length = _PADDING * len(y)
+    length = _PADDING_FACTOR * len(y)
     power = np.abs(np.fft.rfft(y * np.hanning(len(y)), length)) ** 2
-    first = math.ceil(lowest_frequency(len(y) * tick) * length * tick)
-    tops = first + _apart(power[first:], 2 * _PADDING)
+    first = math.ceil(min_detectable_frequency(len(y) * tick) * length * tick)
+    tops = first + _select_distant_peaks(power[first:], 2 * _PADDING_FACTOR)
     below, top, above = (np.log(power[tops + i] + np.finfo(float).tiny) for i in (-1, 0, 1))
     bend = below - 2.0 * top + above
     shift = np.divide(0.5 * (below - above), bend, out=np.zeros_like(top), where=bend < 0.0)
     return [float(f) for f in (tops + shift) / (length * tick)]
 
 
-def _apart(power: FloatArray, distance: int) -> NDArray[np.intp]:
+def _select_distant_peaks(power: FloatArray, distance: int) -> NDArray[np.intp]:
     """Return the places of the highest peaks so far apart, highest first."""
     inner = power[1:-1]
     peaks = 1 + np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]))
@@ -99,14 +101,14 @@ def _apart(power: FloatArray, distance: int) -> NDArray[np.intp]:
     for index in peaks[np.argsort(power[peaks])[::-1]].tolist():
         if all(abs(index - other) >= distance for other in chosen):
             chosen.append(index)
-        if len(chosen) == _CANDIDATES:
+        if len(chosen) == _MAX_CANDIDATES:
             break
     return np.array(chosen, dtype=np.intp)
 
 
 def _amplitudes(y: FloatArray, tick: float, frequency: float) -> NDArray[np.complex128]:
     """Return the complex amplitude of an oscillation in every piece."""
-    length = round(_PERIODS / (frequency * tick))
+    length = round(_PERIODS_PER_PIECE / (frequency * tick))
     count = len(y) // length
     window = np.hanning(length)
     turn = np.exp(-2j * np.pi * frequency * tick * np.arange(count * length))
@@ -114,16 +116,16 @@ def _amplitudes(y: FloatArray, tick: float, frequency: float) -> NDArray[np.comp
     return np.asarray(2.0 * (pieces @ window) / np.sum(window))
 
 
-def _keeps_phase(amplitudes: NDArray[np.complex128], samples: int) -> bool:
+def _has_constant_phase(amplitudes: NDArray[np.complex128], samples: int) -> bool:
     """Whether their mean is too large for noise, at the best of all frequencies."""
     count = len(amplitudes)
     mean = complex(np.mean(amplitudes))
     together = abs(mean) ** 2 / float(np.mean(np.abs(amplitudes) ** 2))
     doubt = max(0.0, 1.0 - together) ** (count - 1)
-    return bool(0.5 * samples * doubt < _DOUBT)
+    return bool(0.5 * samples * doubt < _FALSE_ALARM_PROBABILITY)
 
 
-def _keeps_size(amplitudes: NDArray[np.complex128]) -> bool:
+def _has_constant_amplitude(amplitudes: NDArray[np.complex128]) -> bool:
     """Whether the powers are too much alike for noise."""
     count = len(amplitudes)
     power = np.abs(amplitudes) ** 2
@@ -131,21 +133,21 @@ def _keeps_size(amplitudes: NDArray[np.complex128]) -> bool:
         return False
     unlike = math.log(float(np.mean(power))) - float(np.mean(np.log(power)))
     moran = 2.0 * count * unlike / (1.0 + (count + 1.0) / (6.0 * count))
-    return bool(2 * _CANDIDATES * chdtr(count - 1, moran) < _DOUBT)
+    return bool(2 * _MAX_CANDIDATES * chdtr(count - 1, moran) < _FALSE_ALARM_PROBABILITY)
 
 
 Event = Literal["overload", "wrong initial state", "dropped sample"]
 EVENTS: tuple[Event, ...] = get_args(Event)
-What = TrajectoryCase | Event | float | None
+Subject = TrajectoryCase | Event | float | None
 """What an experiment tries; None: it stands still."""
 
 STANDSTILL_S = 1.0
 RECOVERY_S = 0.3
 OVERLOAD_S = 0.1
 DROP_STEP_M = 50e-6
-BACK_M = 1e-6
+RECOVERY_BAND_M = 1e-6
 """An error of the position within this counts as recovered, m."""
-LEAST_BAND_M = 50e-9
+MIN_EXCESS_BAND_M = 50e-9
 """A difference within this does not show, however fine the sensor, m."""
 
 
@@ -155,7 +157,7 @@ class ExperimentTrial:
 
     setup: BearingSetup
     seed: int
-    what: What = None
+    subject: Subject = None
 
 
 @dataclass(frozen=True)
@@ -190,52 +192,52 @@ class ExperimentFigures(CaseFigures):
         }
 
 
-Work = Callable[[ExperimentTrial], ExperimentOutcome | None]
+Experiment = Callable[[ExperimentTrial], ExperimentOutcome | None]
 """An experiment; it gives None where levitation was lost."""
 
 
-def of_all(
-    work: Work,
+def run_variants(
+    experiment: Experiment,
     setups: Mapping[MethodName, BearingSetup],
     seeds: Sequence[int],
-    what: What,
+    subject: Subject,
     progress: Progress | None = None,
 ) -> dict[MethodName, ExperimentFigures]:
     """Run an experiment with every setup and every seed."""
-    trials = [ExperimentTrial(setup, seed, what) for setup in setups.values() for seed in seeds]
-    outcomes = all_of(work, trials, progress)
+    trials = [ExperimentTrial(setup, seed, subject) for setup in setups.values() for seed in seeds]
+    outcomes = map_ordered(experiment, trials, progress)
     return {
-        name: _sum_up(outcomes[index * len(seeds) : (index + 1) * len(seeds)])
+        name: _summarise(outcomes[index * len(seeds) : (index + 1) * len(seeds)])
         for index, name in enumerate(setups)
     }
 
 
-def _sum_up(outcomes: Sequence[ExperimentOutcome | None]) -> ExperimentFigures:
+def _summarise(outcomes: Sequence[ExperimentOutcome | None]) -> ExperimentFigures:
     held = [one for one in outcomes if one is not None]
     looked = [one.cycles for one in held if one.cycles is not None]
     cycles = tuple(cycle for run in looked for cycle in run)
-    return ExperimentFigures.over(
+    return ExperimentFigures.summarise(
         [None if one is None else one.figures for one in outcomes],
         cycles=cycles if looked and len(held) == len(outcomes) else None,
     )
 
 
-Tried = Mapping[MethodName, ExperimentFigures]
+VariantFigures = Mapping[MethodName, ExperimentFigures]
 
 
 @dataclass(frozen=True)
 class Experiments:
     """All that is tried beside steps, with every variant."""
 
-    standstill: Tried
-    trajectories: tuple[tuple[TrajectoryCase, Tried], ...]
-    load_steps: tuple[tuple[float, Tried], ...]  # N
-    events: Mapping[Event, Tried]
+    standstill: VariantFigures
+    trajectories: tuple[tuple[TrajectoryCase, VariantFigures], ...]
+    load_steps: tuple[tuple[float, VariantFigures], ...]  # N
+    events: Mapping[Event, VariantFigures]
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as ``figures.json`` holds it."""
 
-        def rows(tried: Tried) -> dict[str, Any]:
+        def rows(tried: VariantFigures) -> dict[str, Any]:
             return {name: one.as_dict() for name, one in tried.items()}
 
         return {
@@ -251,7 +253,7 @@ class Experiments:
         }
 
 
-def try_all(
+def run_experiments(
     rig: BodyRig,
     setups: Mapping[MethodName, BearingSetup],
     seeds: Sequence[int],
@@ -259,50 +261,50 @@ def try_all(
 ) -> Experiments:
     """Stand still, follow all trajectories of a rig file, step its loads, and let things go wrong."""
 
-    def tried(work: Work, what: What = None) -> Tried:
-        return of_all(work, setups, seeds, what, next(parts))
+    def tried(work: Experiment, what: Subject = None) -> VariantFigures:
+        return run_variants(work, setups, seeds, what, next(parts))
 
     return Experiments(
-        tried(stand_still),
-        tuple((shape, tried(follow, shape)) for shape in rig.settings.trajectories),
-        tuple((force, tried(step_load, force)) for force in rig.settings.load_steps_N),
-        {event: tried(recover, event) for event in EVENTS},
+        tried(run_standstill),
+        tuple((shape, tried(run_trajectory, shape)) for shape in rig.settings.trajectories),
+        tuple((force, tried(run_load_step, force)) for force in rig.settings.load_steps_N),
+        {event: tried(run_event, event) for event in EVENTS},
     )
 
 
-def standing(setup: BearingSetup) -> tuple[Scenario, int]:
+def plan_standstill(setup: BearingSetup) -> tuple[Scenario, int]:
     """Return a scenario of hanging still, and the tick from which on that is judged."""
-    script = _lifted(setup)
+    script = _lift_off(setup)
     begin = script.ticks
     return script.hold(STANDSTILL_S).build(), begin
 
 
-def following(setup: BearingSetup, shape: TrajectoryCase) -> tuple[Scenario, int]:
+def plan_trajectory(setup: BearingSetup, shape: TrajectoryCase) -> tuple[Scenario, int]:
     """Return a scenario of two periods of a trajectory, and the tick where the second begins."""
     rig = setup.rig
     period = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
     phase = np.arange(2 * period) / period
-    wave = triangle(phase) if shape.kind == "triangle" else sine(phase)
-    script = _lifted(setup)
+    wave = triangle_wave(phase) if shape.kind == "triangle" else sine(phase)
+    script = _lift_off(setup)
     script.follow(rig.settings.gap_m - shape.amplitude_m * wave)
     return script.build(), script.ticks - period
 
 
-def loaded(setup: BearingSetup, force: float) -> tuple[Scenario, int]:
+def plan_load_step(setup: BearingSetup, force: float) -> tuple[Scenario, int]:
     """Return a scenario in which the load steps by so many newtons, and at which tick."""
-    script = _lifted(setup)
+    script = _lift_off(setup)
     begin = script.ticks
     script.set_load(setup.rig.settings.load.force_N + force).hold(RECOVERY_S)
     return script.build(), begin
 
 
-def stand_still(trial: ExperimentTrial) -> ExperimentOutcome | None:
+def run_standstill(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Hold a position: rms of the true gap, its drift, and a limit cycle if there is one."""
-    part = _part(trial, *standing(trial.setup))
+    part = _run_part(trial, *plan_standstill(trial.setup))
     if part is None:
         return None
     gap = part["gap_m"]
-    cycle = limit_cycle(part["t_s"], gap)
+    cycle = find_limit_cycle(part["t_s"], gap)
     figures = {
         "rms_m": float(np.std(gap)),
         "mean_error_m": float(np.mean(gap)) - trial.setup.rig.settings.gap_m,
@@ -311,38 +313,38 @@ def stand_still(trial: ExperimentTrial) -> ExperimentOutcome | None:
     return ExperimentOutcome(figures, () if cycle is None else (cycle,))
 
 
-def follow(trial: ExperimentTrial) -> ExperimentOutcome | None:
+def run_trajectory(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Follow a trajectory for two periods; judge the second."""
-    assert isinstance(trial.what, TrajectoryCase)
-    part = _part(trial, *following(trial.setup, trial.what))
+    assert isinstance(trial.subject, TrajectoryCase)
+    part = _run_part(trial, *plan_trajectory(trial.setup, trial.subject))
     if part is None:
         return None
     off = part["gap_m"] - part["reference_m"]
     return ExperimentOutcome(
         {
             "tracking_rms_m": rms(off),
-            "tracking_peak_m": peak(off),
+            "tracking_peak_m": peak_deviation(off),
             "force_error_rms_N": rms(part["force_N"] - part["demand_N"]),
         }
     )
 
 
-def step_load(trial: ExperimentTrial) -> ExperimentOutcome | None:
+def run_load_step(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Step the load by so many newtons: how far the armature gives way, and for how long."""
-    assert isinstance(trial.what, float)
-    part = _part(trial, *loaded(trial.setup, trial.what))
+    assert isinstance(trial.subject, float)
+    part = _run_part(trial, *plan_load_step(trial.setup, trial.subject))
     if part is None:
         return None
     error = part["gap_m"] - part["reference_m"]
     return ExperimentOutcome(
         {
-            "peak_m": peak(error),
-            "recovery_s": recovery_time(part["t_s"], error, float(part["t_s"][0]), BACK_M),
+            "peak_m": peak_deviation(error),
+            "recovery_s": recovery_time(part["t_s"], error, float(part["t_s"][0]), RECOVERY_BAND_M),
         }
     )
 
 
-def recover(trial: ExperimentTrial) -> ExperimentOutcome | None:
+def run_event(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Let something go wrong and see how much it shows, and for how long.
 
     ``overload``: for 100 ms the load is larger than any current carries, so that force and current
@@ -352,42 +354,42 @@ def recover(trial: ExperimentTrial) -> ExperimentOutcome | None:
     position is lost in a step of 50 um, where the armature is fastest; judged from there. Of the
     latter two counts what is different from the same run, with the same noise, without the event.
     """
-    if trial.what == "overload":
-        return _overload(trial)
-    if trial.what == "wrong initial state":
-        scenario = _lifted(trial.setup).hold(RECOVERY_S).build()
+    if trial.subject == "overload":
+        return _run_overload(trial)
+    if trial.subject == "wrong initial state":
+        scenario = _lift_off(trial.setup).hold(RECOVERY_S).build()
         usual, unusual = (_run(trial, scenario, largest) for largest in (False, True))
         # control begins at another tick each: with a stronger iron earlier
-        return _excess(
-            trial.setup, usual, unusual, lambda run: int(np.argmax(run["state"] == RISE))
+        return _compare_runs(
+            trial.setup, usual, unusual, lambda run: int(np.argmax(run["state"] == RISE_CODE))
         )
-    script = _lifted(trial.setup)
+    script = _lift_off(trial.setup)
     room = script.gap - trial.setup.rig.settings.body.stop_low_m
     scenario = script.step(script.gap - min(DROP_STEP_M, room / 2.0), RECOVERY_S).build()
     usual, step = _run(trial, scenario), scenario.steps[0]
     if usual[1]:
         return None
-    speed = usual[0].part(step.begin, step.end)["velocity_m_per_s"]
+    speed = usual[0].slice_ticks(step.begin, step.end)["velocity_m_per_s"]
     begin = step.begin + int(np.argmax(np.abs(speed)))
-    scenario.command[begin] |= DROP
-    return _excess(trial.setup, usual, _run(trial, scenario), lambda _: begin)
+    scenario.command[begin] |= DROP_SAMPLE_BIT
+    return _compare_runs(trial.setup, usual, _run(trial, scenario), lambda _: begin)
 
 
-def _overload(trial: ExperimentTrial) -> ExperimentOutcome | None:
+def _run_overload(trial: ExperimentTrial) -> ExperimentOutcome | None:
     rig = trial.setup.rig
-    script = _lifted(trial.setup)
+    script = _lift_off(trial.setup)
     script.set_load(1.2 * trial.setup.controller.limits.force_high_N).hold(OVERLOAD_S)
     script.set_load(rig.settings.load.force_N)
     begin = script.ticks
     scenario = script.hold(RECOVERY_S).build()
     recording = SimulatedLoop(trial.setup, trial.seed).run(scenario)
-    part = recording.part(begin, len(recording))
+    part = recording.slice_ticks(begin, len(recording))
     # It lies on its stop when the load goes: what counts is that it levitates again.
-    lost = lost_at(rig, part, 2 * (scenario.ticks - begin) // 3) is not None
+    lost = levitation_loss_time(rig, part, 2 * (scenario.ticks - begin) // 3) is not None
     if lost or len(recording) < scenario.ticks:
         return None
     error = part["gap_m"] - part["reference_m"]
-    seconds = recovery_time(part["t_s"], error, float(part["t_s"][0]), BACK_M)
+    seconds = recovery_time(part["t_s"], error, float(part["t_s"][0]), RECOVERY_BAND_M)
     return ExperimentOutcome({"recovery_s": seconds})
 
 
@@ -399,10 +401,10 @@ def excess_band(rig: BodyRig, excess: FloatArray) -> float:
     four times the standard deviation of the last third, if that is more.
     """
     reading = 3.0 * position_resolution(rig)
-    return max(reading, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), LEAST_BAND_M)
+    return max(reading, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), MIN_EXCESS_BAND_M)
 
 
-def _excess(
+def _compare_runs(
     setup: BearingSetup,
     usual: tuple[Recording, bool],
     unusual: tuple[Recording, bool],
@@ -413,28 +415,28 @@ def _excess(
         return None
     errors = []
     for recording, _ in (usual, unusual):
-        part = recording.part(begins(recording), len(recording))
+        part = recording.slice_ticks(begins(recording), len(recording))
         errors.append(part["gap_m"] - part["reference_m"])
     count = min(map(len, errors))
     excess = errors[1][:count] - errors[0][:count]
     time = setup.rig.dt * np.arange(count)
     seconds = recovery_time(time, excess, 0.0, excess_band(setup.rig, excess))
-    return ExperimentOutcome({"excess_peak_m": peak(excess), "excess_s": seconds})
+    return ExperimentOutcome({"excess_peak_m": peak_deviation(excess), "excess_s": seconds})
 
 
-def _lifted(setup: BearingSetup) -> ScenarioBuilder:
+def _lift_off(setup: BearingSetup) -> ScenarioBuilder:
     return ScenarioBuilder(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
 
 
-def _part(trial: ExperimentTrial, scenario: Scenario, begin: int) -> Recording | None:
+def _run_part(trial: ExperimentTrial, scenario: Scenario, begin: int) -> Recording | None:
     """Run a scenario and return it from a tick on; None where levitation was lost."""
     recording, lost = _run(trial, scenario)
-    return None if lost else recording.part(begin, len(recording))
+    return None if lost else recording.slice_ticks(begin, len(recording))
 
 
 def _run(
     trial: ExperimentTrial, scenario: Scenario, largest_first: bool = False
 ) -> tuple[Recording, bool]:
     recording = SimulatedLoop(trial.setup, trial.seed, largest_first).run(scenario)
-    lost = lost_at(trial.setup.rig, recording, scenario.lifted) is not None
+    lost = levitation_loss_time(trial.setup.rig, recording, scenario.lift_end_tick) is not None
     return recording, lost or len(recording) < scenario.ticks

@@ -32,14 +32,14 @@ from scipy.optimize import brentq, minimize_scalar
 from anhyst.control import Pidd2
 from anhyst.support.numeric import FloatArray
 
-Complexes = NDArray[np.complex128]
+ComplexArray = NDArray[np.complex128]
 
-_GRID = 3000  # frequencies between which crossings are searched
-_LOWEST = 1e-5  # of them, in parts of the rate
+_GRID_POINTS = 3000  # frequencies between which crossings are searched
+_MIN_FREQUENCY_RATIO = 1e-5  # of them, in parts of the rate
 
 
 @dataclass(frozen=True)
-class Point:
+class LinearBearing:
     """What a bearing is for small movements."""
 
     mass: float  # kg
@@ -53,22 +53,22 @@ class Point:
     eddy_time: float = 0.0  # by which the flux lags behind the current, s
 
     @property
-    def pole_at_current(self) -> float:
+    def current_drive_pole(self) -> float:
         """The fastest growing pole while the flux follows a held current, Hz; negative: stable."""
-        return _rightmost(_motion(self)[:2, :2])
+        return _rightmost_pole(_motion_matrix(self)[:2, :2])
 
     @property
-    def pole_at_voltage(self) -> float:
+    def voltage_drive_pole(self) -> float:
         """The same while the voltage is held: the winding slows it down, Hz."""
-        return _rightmost(_motion(self))
+        return _rightmost_pole(_motion_matrix(self))
 
 
 @dataclass(frozen=True)
-class CurrentLoop:
+class AnalogueAmplifier:
     """An analogue current controller, ``v = gain e + reset times the integral of e``."""
 
     gain: float  # V/A
-    reset: float  # V/(A s)
+    integral_gain: float  # V/(A s)
 
 
 @dataclass(frozen=True)
@@ -78,14 +78,14 @@ class DigitalAmplifier:
     ``v = feed r + gain (r - i) + I``, ``I`` grows by ``reset (r - i)`` a tick; r is the reference.
     """
 
-    feed: float  # V/A; the resistance that it knows
+    feedforward: float  # V/A; the resistance that it knows
     gain: float  # V/A
-    reset: float  # V/A a tick
+    integral_gain: float  # V/A a tick
     sensor_bandwidth: float = math.inf  # of the current it reads, Hz; infinite: no lag
 
 
 @dataclass(frozen=True)
-class Chain:
+class LoopTiming:
     """When and how fast the loop measures and acts."""
 
     rate: float  # ticks a second, Hz
@@ -94,77 +94,77 @@ class Chain:
     sensor_bandwidth: float = math.inf  # of the position, Hz; infinite: no lag
 
 
-def sampled(
-    point: Point, amplifier: CurrentLoop | DigitalAmplifier, chain: Chain
+def discretise(
+    bearing: LinearBearing, amplifier: AnalogueAmplifier | DigitalAmplifier, timing: LoopTiming
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return matrices a, b, c from the current's reference at a tick to the position read, m/A."""
-    a, b, current, direct = voltage_matrices(point)
-    if isinstance(amplifier, CurrentLoop):
-        a, b = _under_current(a, b, current, direct, amplifier)
-    a, b, position = _with_sensor(a, b, np.eye(len(b))[0], 0.0, chain.sensor_bandwidth)
-    if isinstance(amplifier, CurrentLoop):
-        a, b = _ticks(a, b, chain)
-        return a, b, _padded(position, len(b))
+    a, b, current, direct = voltage_matrices(bearing)
+    if isinstance(amplifier, AnalogueAmplifier):
+        a, b = _close_current_loop(a, b, current, direct, amplifier)
+    a, b, position = _append_sensor_lag(a, b, np.eye(len(b))[0], 0.0, timing.sensor_bandwidth)
+    if isinstance(amplifier, AnalogueAmplifier):
+        a, b = _discretise_with_delay(a, b, timing)
+        return a, b, _pad_with_zeros(position, len(b))
     if math.isinf(amplifier.sensor_bandwidth) and direct != 0.0:
         raise ValueError("with eddy currents the current must be read through a lag")
-    reads = _padded(current, len(b))
-    a, b, current = _with_sensor(a, b, reads, direct, amplifier.sensor_bandwidth)
-    a, b = _ticks(a, b, chain)
-    reads = _padded(current, len(b))
+    reads = _pad_with_zeros(current, len(b))
+    a, b, current = _append_sensor_lag(a, b, reads, direct, amplifier.sensor_bandwidth)
+    a, b = _discretise_with_delay(a, b, timing)
+    reads = _pad_with_zeros(current, len(b))
     closed = np.block(
         [
             [a - amplifier.gain * np.outer(b, reads), b[:, None]],
-            [-amplifier.reset * reads[None, :], np.ones((1, 1))],
+            [-amplifier.integral_gain * reads[None, :], np.ones((1, 1))],
         ]
     )
-    reference = np.append((amplifier.feed + amplifier.gain) * b, amplifier.reset)
-    return closed, reference, _padded(position, len(reference))
+    reference = np.append((amplifier.feedforward + amplifier.gain) * b, amplifier.integral_gain)
+    return closed, reference, _pad_with_zeros(position, len(reference))
 
 
-def _padded(row: FloatArray, length: int) -> FloatArray:
+def _pad_with_zeros(row: FloatArray, length: int) -> FloatArray:
     return np.concatenate([row, np.zeros(length - len(row))])
 
 
-def voltage_matrices(point: Point) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+def voltage_matrices(bearing: LinearBearing) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Return what the voltage does, without an amplifier."""
-    held = point.eddy_time / point.inductance
-    share = 1.0 / (1.0 + point.resistance * held)
-    into = np.array([0.0, 0.0, share / point.inductance])
-    return _motion(point), into, np.array([0.0, 0.0, share]), share * held
+    held = bearing.eddy_time / bearing.inductance
+    share = 1.0 / (1.0 + bearing.resistance * held)
+    into = np.array([0.0, 0.0, share / bearing.inductance])
+    return _motion_matrix(bearing), into, np.array([0.0, 0.0, share]), share * held
 
 
-def _motion(point: Point) -> FloatArray:
+def _motion_matrix(bearing: LinearBearing) -> FloatArray:
     """Matrix of position, velocity and i_m while the voltage is held."""
-    mass, inductance = point.mass, point.inductance
-    slowed = point.resistance / (inductance + point.resistance * point.eddy_time)
+    mass, inductance = bearing.mass, bearing.inductance
+    slowed = bearing.resistance / (inductance + bearing.resistance * bearing.eddy_time)
     return np.array(
         [
             [0.0, 1.0, 0.0],
-            [point.k_s / mass, -point.damping / mass, point.k_i / mass],
-            [0.0, -point.k_i / inductance, -slowed],
+            [bearing.k_s / mass, -bearing.damping / mass, bearing.k_i / mass],
+            [0.0, -bearing.k_i / inductance, -slowed],
         ]
     )
 
 
-def _rightmost(matrix: FloatArray) -> float:
+def _rightmost_pole(matrix: FloatArray) -> float:
     return float(np.max(np.linalg.eigvals(matrix).real)) / (2.0 * math.pi)
 
 
-def _under_current(
-    a: FloatArray, b: FloatArray, current: FloatArray, direct: float, amplifier: CurrentLoop
+def _close_current_loop(
+    a: FloatArray, b: FloatArray, current: FloatArray, direct: float, amplifier: AnalogueAmplifier
 ) -> tuple[FloatArray, FloatArray]:
     """Close the analogue current controller, whose integral becomes the last state."""
-    gain, reset = amplifier.gain, amplifier.reset
+    gain, reset = amplifier.gain, amplifier.integral_gain
     share = 1.0 / (1.0 + gain * direct)  # the voltage passes into the current at once
     voltage = share * np.append(-gain * current, 1.0)
-    flows = _padded(current, 4) + direct * voltage
+    flows = _pad_with_zeros(current, 4) + direct * voltage
     whole = block_diag(a, 0.0) + np.outer(np.append(b, 0.0), voltage)
     whole[3] = -reset * flows
     reference = share * gain
     return whole, np.append(reference * b, reset * (1.0 - direct * reference))
 
 
-def _with_sensor(
+def _append_sensor_lag(
     a: FloatArray, b: FloatArray, reads: FloatArray, direct: float, bandwidth: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Append a lag of first order behind an output, which becomes the output."""
@@ -176,7 +176,7 @@ def _with_sensor(
     return whole, np.append(b, lag * direct), np.eye(len(whole))[-1]
 
 
-def _held(a: FloatArray, b: FloatArray, seconds: float) -> tuple[FloatArray, FloatArray]:
+def _hold_matrices(a: FloatArray, b: FloatArray, seconds: float) -> tuple[FloatArray, FloatArray]:
     """Matrices over a time in which the input is held."""
     n = len(b)
     whole = np.zeros((n + 1, n + 1))
@@ -185,14 +185,16 @@ def _held(a: FloatArray, b: FloatArray, seconds: float) -> tuple[FloatArray, Flo
     return after[:n, :n], after[:n, n]
 
 
-def _ticks(a: FloatArray, b: FloatArray, chain: Chain) -> tuple[FloatArray, FloatArray]:
+def _discretise_with_delay(
+    a: FloatArray, b: FloatArray, timing: LoopTiming
+) -> tuple[FloatArray, FloatArray]:
     """Go over to ticks: the input of tick n takes effect `delay_ticks` later."""
-    tick, n = 1.0 / chain.rate, len(b)
-    waiting = math.floor(chain.delay_ticks)
-    part = chain.delay_ticks - waiting
-    over_tick, _ = _held(a, b, tick)
-    rest, now = _held(a, b, (1.0 - part) * tick)
-    _, begin = _held(a, b, part * tick)
+    tick, n = 1.0 / timing.rate, len(b)
+    waiting = math.floor(timing.delay_ticks)
+    part = timing.delay_ticks - waiting
+    over_tick, _ = _hold_matrices(a, b, tick)
+    rest, now = _hold_matrices(a, b, (1.0 - part) * tick)
+    _, begin = _hold_matrices(a, b, part * tick)
     # Rows behind the plant's: what waits, the newest first.
     line = waiting + (1 if part > 0.0 else 0)
     whole, into = np.zeros((n + line, n + line)), np.zeros(n + line)
@@ -237,46 +239,46 @@ class Margins:
 class LinearLoop:
     """A linear loop."""
 
-    point: Point
-    amplifier: CurrentLoop | DigitalAmplifier
-    chain: Chain
+    bearing: LinearBearing
+    amplifier: AnalogueAmplifier | DigitalAmplifier
+    timing: LoopTiming
     controller: Pidd2  # of the rate of the chain
     compensation: Compensation
 
     def __post_init__(self) -> None:
-        if not math.isclose(self.controller.rate, self.chain.rate, rel_tol=1e-9):
+        if not math.isclose(self.controller.rate, self.timing.rate, rel_tol=1e-9):
             raise ValueError(
                 f"the controller runs at {self.controller.rate:g} Hz, the loop at "
-                f"{self.chain.rate:g} Hz"
+                f"{self.timing.rate:g} Hz"
             )
 
     @cached_property
     def plant(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Matrices a, b, c from the current's reference at a tick to the position read, m/A."""
-        return sampled(self.point, self.amplifier, self.chain)
+        return discretise(self.bearing, self.amplifier, self.timing)
 
-    def plant_response(self, frequency: ArrayLike) -> Complexes:
+    def plant_response(self, frequency: ArrayLike) -> ComplexArray:
         """Return the position read for each ampere of the reference, m/A."""
         a, b, c = self.plant
-        return _response(a, b, c, self._z(frequency))
+        return _frequency_response(a, b, c, self._z(frequency))
 
-    def response(self, frequency: ArrayLike) -> Complexes:
+    def loop_gain(self, frequency: ArrayLike) -> ComplexArray:
         """Return the loop gain L; the sensitivity is 1/(1 + L)."""
         z = self._z(frequency)
-        a, b, c, d = _controller(self.controller)
-        feedback = -(_response(a, b[:, 1], c, z) + d[1])  # of the position
+        a, b, c, d = _controller_matrices(self.controller)
+        feedback = -(_frequency_response(a, b[:, 1], c, z) + d[1])  # of the position
         current = (feedback + self.compensation.k_s) / self.compensation.k_i
-        return np.asarray(current * _response(*self.plant, z))
+        return np.asarray(current * _frequency_response(*self.plant, z))
 
-    def sensitivity(self, frequency: ArrayLike) -> Complexes:
+    def sensitivity(self, frequency: ArrayLike) -> ComplexArray:
         """Return what the controller sees of what is added to the sensor."""
-        return np.asarray(1.0 / (1.0 + self.response(frequency)))
+        return np.asarray(1.0 / (1.0 + self.loop_gain(frequency)))
 
     @cached_property
-    def poles(self) -> Complexes:
+    def poles(self) -> ComplexArray:
         """Of the closed loop, in z; stable if all lie within the unit circle."""
         a, b, c = self.plant
-        own, into, out, through = _controller(self.controller)
+        own, into, out, through = _controller_matrices(self.controller)
         share = 1.0 / self.compensation.k_i
         direct = share * (through[1] - self.compensation.k_s)
         closed = np.block(
@@ -288,21 +290,23 @@ class LinearLoop:
         return np.asarray(np.linalg.eigvals(closed), dtype=np.complex128)
 
     @property
-    def stable(self) -> bool:
+    def is_stable(self) -> bool:
         """Whether the closed loop is; a filter or integral without gain does not count."""
         return bool(np.max(np.abs(self.poles)) < 1.0)
 
     @cached_property
     def margins(self) -> Margins:
         """How far it is from instability."""
-        return _margins(self)
+        return _find_margins(self)
 
-    def _z(self, frequency: ArrayLike) -> Complexes:
-        turn = 2j * np.pi / self.chain.rate
+    def _z(self, frequency: ArrayLike) -> ComplexArray:
+        turn = 2j * np.pi / self.timing.rate
         return np.exp(turn * np.atleast_1d(np.asarray(frequency, dtype=float)))
 
 
-def _controller(controller: Pidd2) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _controller_matrices(
+    controller: Pidd2,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Matrices from reference and position to the demand; the states are those of ``pidd2_real.h``."""
     p, k, d, e, _, _, s, t, weight = controller.per_tick[:9]
     # first = s (y - position), second = t (first - velocity)
@@ -314,7 +318,9 @@ def _controller(controller: Pidd2) -> tuple[FloatArray, FloatArray, FloatArray, 
     return a[np.ix_(used, used)], b[used], out[used], through
 
 
-def _response(a: FloatArray, b: FloatArray, c: FloatArray, z: Complexes) -> Complexes:
+def _frequency_response(
+    a: FloatArray, b: FloatArray, c: FloatArray, z: ComplexArray
+) -> ComplexArray:
     """Return c (z - a)^-1 b for every z."""
     if len(b) == 0:
         return np.zeros(len(z), dtype=np.complex128)
@@ -324,19 +330,21 @@ def _response(a: FloatArray, b: FloatArray, c: FloatArray, z: Complexes) -> Comp
     )
 
 
-def _margins(loop: LinearLoop) -> Margins:
+def _find_margins(loop: LinearLoop) -> Margins:
     """Search the loop gain for its crossings of the negative real axis and the unit circle."""
-    grid = np.geomspace(_LOWEST * loop.chain.rate, 0.5 * loop.chain.rate, _GRID)
+    grid = np.geomspace(
+        _MIN_FREQUENCY_RATIO * loop.timing.rate, 0.5 * loop.timing.rate, _GRID_POINTS
+    )
 
     def gain(frequency: float) -> complex:
-        return complex(loop.response(frequency)[0])
+        return complex(loop.loop_gain(frequency)[0])
 
-    values = loop.response(grid)
-    through_axis = [gain(f).real for f in _crossings(lambda f: gain(f).imag, grid, values.imag)] + [
-        float(values[-1].real)
-    ]  # real at half the rate
+    values = loop.loop_gain(grid)
+    through_axis = [
+        gain(f).real for f in _find_roots(lambda f: gain(f).imag, grid, values.imag)
+    ] + [float(values[-1].real)]  # real at half the rate
     factors = [-1.0 / x for x in through_axis if x < 0.0]
-    ones = _crossings(lambda f: abs(gain(f)) - 1.0, grid, np.abs(values) - 1.0)
+    ones = _find_roots(lambda f: abs(gain(f)) - 1.0, grid, np.abs(values) - 1.0)
     turned = [math.degrees(math.atan2((-gain(f)).imag, (-gain(f)).real)) for f in ones]
     delays = [(angle % 360.0) / 360.0 / f for angle, f in zip(turned, ones, strict=True)]
     i = int(np.argmax(np.abs(1.0 / (1.0 + values))))
@@ -346,7 +354,7 @@ def _margins(loop: LinearLoop) -> Margins:
         method="bounded",
     )
     return Margins(
-        stable=loop.stable,
+        stable=loop.is_stable,
         gain_down=max((x for x in factors if x < 1.0), default=0.0),
         gain_up=min((x for x in factors if x > 1.0), default=math.inf),
         phase=min((abs(angle) for angle in turned), default=180.0),
@@ -357,7 +365,7 @@ def _margins(loop: LinearLoop) -> Margins:
     )
 
 
-def _crossings(
+def _find_roots(
     function: Callable[[float], float], grid: FloatArray, values: FloatArray
 ) -> list[float]:
     """Return the roots of a function between neighbours of opposite sign."""
@@ -368,15 +376,15 @@ def _crossings(
 Zone = Literal["A", "B", "C", "D"]
 
 
-BOUNDARIES: Mapping[Zone, float] = {"A": 3.0, "B": 4.0, "C": 5.0}
+ZONE_LIMITS: Mapping[Zone, float] = {"A": 3.0, "B": 4.0, "C": 5.0}
 """Largest peak of the sensitivity by zone: 9.5, 12 and 14 dB. A: as newly commissioned; B: fit for
 long operation; C: for a limited time."""
 
 
-def zone(peak: float) -> Zone:
+def find_zone(peak: float) -> Zone:
     """Return the zone of a peak sensitivity; beyond C, and where it is not a number, D.
 
     >>> zone(2.1), zone(3.0), zone(4.4), zone(9.0)
     ('A', 'A', 'C', 'D')
     """
-    return next((name for name, largest in BOUNDARIES.items() if peak <= largest), "D")
+    return next((name for name, largest in ZONE_LIMITS.items() if peak <= largest), "D")

@@ -17,24 +17,24 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress, in_parts
+from anhyst.support.jobs import Progress, split_progress
 from anhyst.support.states import State
 from anhyst_rigs.link.firmware import build, check_compiler
 from anhyst_rigs.link.virtual_boards import find_qemu
-from anhyst_rigs.rig.bearing.loop import BearingSetup, compiled_model, make_setups
-from anhyst_rigs.rig.bearing.scenario import parts_of_run
+from anhyst_rigs.rig.bearing.loop import BearingSetup, make_setups, model_to_compile
+from anhyst_rigs.rig.bearing.scenario import plan_recorded_run
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.loop import SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.study.bearing.board_faults import Ending, FaultRuns, injections
-from anhyst_rigs.study.bearing.ready import make_ready, read_files
+from anhyst_rigs.study.bearing.board_faults import FaultOutcome, FaultRuns, fault_injections
+from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 
 QEMU = "qemu-mps2"
-_AIR_M = 5e-6
+_LIFTED_DISTANCE_M = 5e-6
 """From its rest: an armature that is further away has been lifted."""
-_WORK = (2.0, 3.0, 7.0)
+_WORK_OF_PARTS = (2.0, 3.0, 7.0)
 """Model and code, the run, the faults: parts of the whole."""
 
 
@@ -61,10 +61,10 @@ class BoardComparison:
     board: str
     simulated: Recording
     recorded: Recording
-    endings: tuple[Ending, ...]
+    outcomes: tuple[FaultOutcome, ...]
 
     @property
-    def differ(self) -> int:
+    def differing_ticks(self) -> int:
         """Ticks at which a current is another than the simulated one."""
         return count_differences(self.simulated, self.recorded)
 
@@ -73,16 +73,16 @@ class BoardComparison:
         """At which the armature came to its rest the first time after it was in the air, m/s."""
         gap, speed = self.recorded["gap_m"], np.abs(self.recorded["velocity_m_per_s"])
         rest = self.rig.settings.body.stop_high_m
-        air = np.flatnonzero(gap < rest - _AIR_M)
+        air = np.flatnonzero(gap < rest - _LIFTED_DISTANCE_M)
         if not air.size:
             return math.nan
         down = np.flatnonzero(gap[air[-1] :] >= rest)
         return float(speed[air[-1] + down[0] - 1]) if down.size else math.nan
 
     @property
-    def landed(self) -> bool:
+    def has_landed(self) -> bool:
         """Whether it lies, without current and ready to lift again."""
-        driven = any(self.recorded[name][-1] for name in _commands(self.recorded))
+        driven = any(self.recorded[name][-1] for name in _command_columns(self.recorded))
         return bool(self.recorded["state"][-1] == State.READY and not driven)
 
     def as_dict(self) -> dict[str, Any]:
@@ -95,13 +95,13 @@ class BoardComparison:
             "board": self.board,
             "rate_Hz": self.rig.settings.timing.rate_Hz,
             "ticks": len(self.recorded),
-            "ticks_that_differ": self.differ,
-            "landed": self.landed,
+            "ticks_that_differ": self.differing_ticks,
+            "landed": self.has_landed,
             "landing_speed_m_per_s": self.landing_speed,
-            "faults": [ending.as_dict() for ending in self.endings],
+            "faults": [ending.as_dict() for ending in self.outcomes],
         }
 
-    def refuse(self) -> None:
+    def raise_if_failed(self) -> None:
         """Raise where the firmware did not do as the simulation, or as it should.
 
         Raises
@@ -109,14 +109,14 @@ class BoardComparison:
         NegativeResult
             Says what.
         """
-        if self.differ:
+        if self.differing_ticks:
             text = "the firmware drove another current than the simulation at "
-            text += f"{self.differ} of {len(self.recorded)} ticks"
+            text += f"{self.differing_ticks} of {len(self.recorded)} ticks"
             raise NegativeResult(text, code="firmware-differs")
-        if not self.landed:
+        if not self.has_landed:
             text = "the firmware did not land the armature at the end of its run"
             raise NegativeResult(text, code="not-landed")
-        wrong = [ending.injection.name for ending in self.endings if not ending.as_expected]
+        wrong = [ending.injection.name for ending in self.outcomes if not ending.is_as_expected]
         if wrong:
             text = f"the firmware did not notice what it should: {'; '.join(wrong)}"
             raise NegativeResult(text, code="faults-not-noticed")
@@ -125,11 +125,11 @@ class BoardComparison:
 def count_differences(simulated: Recording, recorded: Recording) -> int:
     """Return at how many ticks a current of a run is another than in its simulation."""
     n = min(len(simulated), len(recorded))
-    other = [recorded[name][:n] != simulated[name][:n] for name in _commands(simulated)]
+    other = [recorded[name][:n] != simulated[name][:n] for name in _command_columns(simulated)]
     return int(np.count_nonzero(np.any(other, axis=0))) + abs(len(simulated) - len(recorded))
 
 
-def _commands(run: Recording) -> list[str]:
+def _command_columns(run: Recording) -> list[str]:
     return [name for name in run.columns if name.startswith("command")]
 
 
@@ -148,21 +148,21 @@ def run_board(
     if board == QEMU:
         find_qemu()
     rig, controller = read_files(rig_path, controller_path)
-    ready = make_ready(rig, controller, (out,))
-    parts = in_parts(progress, _WORK)
+    ready = check_inputs(rig, controller, (out,))
+    parts = split_progress(progress, _WORK_OF_PARTS)
     with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
         setup, firmware = build_firmware(
-            ready.rig, controller, ready.knowledge(), board, Path(folder)
+            ready.rig, controller, ready.identify_magnet(), board, Path(folder)
         )
         next(parts)(1, 1)
-        *scenarios, _ = parts_of_run(setup.rig, setup.controller)
+        *scenarios, _ = plan_recorded_run(setup.rig, setup.controller)
         loop = SimulatedLoop(setup)
-        simulated = Recording.joined([loop.run(one) for one in scenarios])
-        reports = in_parts(next(parts), [1.0] * len(scenarios))
+        simulated = Recording.concatenate([loop.run(one) for one in scenarios])
+        reports = split_progress(next(parts), [1.0] * len(scenarios))
         with closing(BearingBench(setup, firmware, board=board)) as running:
-            recorded = Recording.joined(list(map(running.run, scenarios, reports)))
+            recorded = Recording.concatenate(list(map(running.run, scenarios, reports)))
         with closing(BearingBench(setup, firmware, board=board)) as running:
-            runs, todo, endings = FaultRuns(setup, running), list(injections()), []
+            runs, todo, endings = FaultRuns(setup, running), list(fault_injections()), []
             report = next(parts)
             for injection in todo:
                 endings.append(runs.run(injection))
@@ -181,8 +181,8 @@ def build_firmware(
     model = folder / "model.toml"
     table = controller.settings
     kind = table.compensation.variant
-    if controller.model is None or rig.learnt(kind) is not None:
-        write_model(compiled_model(rig, knowledge, kind), model)
+    if controller.model is None or rig.method_calibration(kind) is not None:
+        write_model(model_to_compile(rig, knowledge, kind), model)
     else:
         model = controller.model
     request = CompileRequest("simplified" if kind == "simplified" else "full", "q31", table.rate_Hz)

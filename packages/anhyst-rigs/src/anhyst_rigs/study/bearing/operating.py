@@ -13,18 +13,18 @@ from typing import Literal
 
 import numpy as np
 
-from anhyst.support.numeric import FloatArray, spaced
+from anhyst.support.numeric import FloatArray, geometric_spacing
 from anhyst.support.toml_file import FileFault, faults_error
 from anhyst_rigs.rig.bearing.loop import BearingSetup
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.measuring import HeldBearing
-from anhyst_rigs.rig.plant import current_gains
+from anhyst_rigs.rig.plant import current_controller_gains
 from anhyst_rigs.rig.sensor_table import FluxSensorTable
 from anhyst_rigs.study.bearing import linear
 
-_CURRENTS = 1200
-_GAP_STEP = 2e-6
-TICKS_PER_POLE = 20.0
+_CURRENT_POINTS = 1200
+_GAP_STEP_M = 2e-6
+MIN_TICKS_PER_POLE = 20.0
 """Least sample rate in multiples of the unstable pole of the plant without controller."""
 
 
@@ -36,47 +36,47 @@ class OperatingPoint:
     force: float  # of one magnet, N
     current: float  # midway between the rising and the falling branch, A
     force_max: float  # largest at this gap, N
-    slopes: Reversal  # static slopes, and those just after the current was turned
+    slopes: ReversalSlopes  # static slopes, and those just after the current was turned
     # the whole bearing for small movements; a pair as one magnet with the windings in series, whose
     # current is the difference of each one from its bias
-    point: linear.Point
+    bearing: linear.LinearBearing
 
 
 def find_operating_point(rig: BodyRig) -> OperatingPoint:
     """Measure the magnet of a rig at its operating gap and load."""
     settings = rig.settings
     gap, high = settings.gap_m, settings.amplifier.current_high_A
-    up = np.linspace(0.0, high, _CURRENTS)
+    up = np.linspace(0.0, high, _CURRENT_POINTS)
     path = np.concatenate([up, up[::-1]])
-    load, ends = rig.load, np.array([settings.body.stop_low_m, settings.body.stop_high_m])
-    narrowest = float(np.min(rig.gaps_at(ends)))
+    load, ends = rig.static_load, np.array([settings.body.stop_low_m, settings.body.stop_high_m])
+    narrowest = float(np.min(rig.magnet_gaps(ends)))
     force, psi, _ = rig.static_map(path, np.full(path.size, gap))
-    check_load(rig, float(force[_CURRENTS - 1]))
-    _check_rest(rig, float(rig.static_map(up, np.full(up.size, ends[1]))[0][-1]))
+    check_load(rig, float(force[_CURRENT_POINTS - 1]))
+    _check_lift_off(rig, float(rig.static_map(up, np.full(up.size, ends[1]))[0][-1]))
     if settings.hall_probe is not None:
         density = float(rig.static_map(up, np.full(up.size, narrowest))[2][-1])
         _check_probe(rig, settings.hall_probe, density, narrowest)
     bias = settings.bias_N
     key = ("load", "force_N") if bias is None else ("control", "bias_N")
     wanted = load if bias is None else bias
-    least, most = float(force[0]), float(force[_CURRENTS - 1])
+    least, most = float(force[0]), float(force[_CURRENT_POINTS - 1])
     if not least < wanted < most:
         text = f"{wanted:g} N is not within what the magnet pulls at {gap:g} m"
         text += f", {least:.4g} to {most:.4g} N; correct it"
         raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")])
-    rising = float(np.interp(wanted, force[:_CURRENTS], up))
-    falling = float(np.interp(wanted, force[_CURRENTS:][::-1], up))
+    rising = float(np.interp(wanted, force[:_CURRENT_POINTS], up))
+    falling = float(np.interp(wanted, force[_CURRENT_POINTS:][::-1], up))
     current = 0.5 * (rising + falling)
     step = HeldBearing(rig).magnet().hold
     try:
-        slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
+        slopes = measure_slopes(step, current, gap, 0.0, high, _GAP_STEP_M)
     except ValueError as error:
         text = f"at {wanted:g} N {error}; raise or lower it"
         raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")]) from error
     around = 0.05 * high
-    linkage = np.interp([current - around, current + around], up, psi[:_CURRENTS])
-    magnets = float(len(rig.settings.placed))
-    point = linear.Point(
+    linkage = np.interp([current - around, current + around], up, psi[:_CURRENT_POINTS])
+    magnets = float(len(rig.settings.body_magnets))
+    point = linear.LinearBearing(
         mass=settings.body.mass_kg,
         k_i=magnets * slopes.static.k_i,
         k_s=magnets * slopes.static.k_s - settings.load.stiffness_N_per_m,
@@ -85,22 +85,22 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
         damping=settings.body.damping_N_s_per_m + settings.load.damping_N_s_per_m,
         eddy_time=settings.magnet.eddy_time_s,
     )
-    check_rate(rig, point.pole_at_current)
-    return OperatingPoint(gap, wanted, current, float(force[_CURRENTS - 1]), slopes, point)
+    check_rate(rig, point.current_drive_pole)
+    return OperatingPoint(gap, wanted, current, float(force[_CURRENT_POINTS - 1]), slopes, point)
 
 
-def has_constants(setup: BearingSetup) -> bool:
+def has_constant_gains(setup: BearingSetup) -> bool:
     """Whether the drive of a setup is made of constants, so that its loop is linear by itself.
 
     What any other drive does to small movements, at the static slopes or at the much smaller ones
     just after a reversal, no linear loop can show.
     """
-    return "k_i_N_per_A" in setup.compensator.parameters.numbers
+    return "k_i_N_per_A" in setup.compensator.parameters.constants
 
 
 def check_load(rig: BodyRig, force_max: float) -> None:
     """Refuse a load that no current can carry."""
-    load, faults = rig.load, list[FileFault]()
+    load, faults = rig.static_load, list[FileFault]()
     if not load < force_max:
         text = f"no current can carry {load:.4g} N, the magnet reaches {force_max:.4g} N"
         text += "; lower it or raise current_high_A"
@@ -110,7 +110,7 @@ def check_load(rig: BodyRig, force_max: float) -> None:
             text = f"{load:.4g} N and this step are {load + step:.4g} N"
             text += f", the magnet reaches {force_max:.4g} N; lower it"
             assert rig.settings.load_case is not None
-            key = rig.settings.place(rig.settings.load_case, "forces_N", index)
+            key = rig.settings.key_path(rig.settings.load_case, "forces_N", index)
             faults.append(FileFault(key, text, code="load-too-large"))
     if faults:
         raise faults_error(rig.path, faults)
@@ -118,18 +118,18 @@ def check_load(rig: BodyRig, force_max: float) -> None:
 
 def check_rate(rig: BodyRig, pole_Hz: float) -> None:
     """Refuse a sample rate that is too slow for the plant."""
-    rate, least = rig.settings.timing.rate_Hz, TICKS_PER_POLE * pole_Hz
+    rate, least = rig.settings.timing.rate_Hz, MIN_TICKS_PER_POLE * pole_Hz
     if rate < least:
         text = f"{rate:.6g} Hz is too slow for a plant whose unstable pole lies at {pole_Hz:.4g} Hz"
-        text += f"; use at least {TICKS_PER_POLE:g} times that, {math.ceil(least)} Hz"
+        text += f"; use at least {MIN_TICKS_PER_POLE:g} times that, {math.ceil(least)} Hz"
         raise faults_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
 
-def _check_rest(rig: BodyRig, force_max: float) -> None:
+def _check_lift_off(rig: BodyRig, force_max: float) -> None:
     """Refuse a load that is carried at the operating gap and not lifted off its rest."""
-    if not rig.load < force_max:
+    if not rig.static_load < force_max:
         gap = rig.settings.body.stop_high_m
-        text = f"no current lifts {rig.load:.4g} N off the rest at {gap:g} m, the magnet reaches "
+        text = f"no current lifts {rig.static_load:.4g} N off the rest at {gap:g} m, the magnet reaches "
         text += f"{force_max:.4g} N there; lower it, lower stop_high_m or raise current_high_A"
         raise faults_error(rig.path, [FileFault(("load", "force_N"), text, code="load-too-large")])
 
@@ -139,11 +139,11 @@ def _check_probe(rig: BodyRig, probe: FluxSensorTable, density: float, gap: floa
     seen = density * (1.0 + probe.gain_error)
     if seen > probe.range_T:
         text = f"the largest current makes {seen:.4g} T at a gap of {gap:g} m; raise it"
-        place = rig.settings.place(probe, "range_T")
+        place = rig.settings.key_path(probe, "range_T")
         raise faults_error(rig.path, [FileFault(place, text, code="range-too-narrow")])
 
 
-def linear_loop(setup: BearingSetup, at: OperatingPoint) -> linear.LinearLoop:
+def make_linear_loop(setup: BearingSetup, operating_point: OperatingPoint) -> linear.LinearLoop:
     """Return the loop of a setup for small movements.
 
     Constants are those of the drive where it has any; a constant ratio cancels no negative
@@ -152,26 +152,28 @@ def linear_loop(setup: BearingSetup, at: OperatingPoint) -> linear.LinearLoop:
     rig = setup.rig
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
     sensor = rig.settings.gap_sensor
-    magnets = float(len(rig.settings.placed))
+    magnets = float(len(rig.settings.body_magnets))
     late = timing.delay_ticks + (amplifier.delay_s + sensor.delay_s) * timing.rate_Hz
-    numbers = setup.compensator.parameters.numbers
-    k_i, k_s = at.point.k_i, at.point.k_s
-    if has_constants(setup):
+    numbers = setup.compensator.parameters.constants
+    k_i, k_s = operating_point.bearing.k_i, operating_point.bearing.k_s
+    if has_constant_gains(setup):
         k_i = magnets * numbers["k_i_N_per_A"]
         k_s = magnets * numbers.get("k_s_N_per_m", 0.0)
     return linear.LinearLoop(
-        point=at.point,
-        amplifier=_amplifier(rig, magnets),
-        chain=linear.Chain(timing.rate_Hz, late, sensor.bandwidth_Hz),
+        bearing=operating_point.bearing,
+        amplifier=_make_amplifier(rig, magnets),
+        timing=linear.LoopTiming(timing.rate_Hz, late, sensor.bandwidth_Hz),
         controller=setup.controller.pidd2(),
         compensation=linear.Compensation(k_i, k_s),
     )
 
 
-def _amplifier(rig: BodyRig, magnets: float) -> linear.CurrentLoop | linear.DigitalAmplifier:
-    gain, reset = (magnets * number for number in current_gains(rig))
+def _make_amplifier(
+    rig: BodyRig, magnets: float
+) -> linear.AnalogueAmplifier | linear.DigitalAmplifier:
+    gain, reset = (magnets * number for number in current_controller_gains(rig))
     if rig.settings.amplifier.mode == "current":
-        return linear.CurrentLoop(gain, reset)
+        return linear.AnalogueAmplifier(gain, reset)
     return linear.DigitalAmplifier(
         magnets * rig.settings.magnet.poles.resistance,
         gain,
@@ -182,15 +184,15 @@ def _amplifier(rig: BodyRig, magnets: float) -> linear.CurrentLoop | linear.Digi
 
 def sweep_frequencies(rig: BodyRig) -> FloatArray:
     """Return the frequencies of a swept sine, Hz: around everything that a bearing's loop does."""
-    return spaced(10.0, min(2000.0, 0.1 * rig.settings.timing.rate_Hz), 25)
+    return geometric_spacing(10.0, min(2000.0, 0.1 * rig.settings.timing.rate_Hz), 25)
 
 
-PATHOLOGICAL = 0.25
+PATHOLOGICAL_SLOPE_RATIO = 0.25
 """Share of the static gain below which an iron is called pathological just after a reversal."""
-_CYCLES = 3  # until a loop has settled
-_SAMPLES = 400  # a branch
-_AROUND = 0.05  # of the range, to either side: where the static slopes are taken
-_TURN = 0.0005  # of the range: how far the current goes back
+_SETTLING_CYCLES = 3  # until a loop has settled
+_SAMPLES_PER_BRANCH = 400  # a branch
+_SLOPE_SPAN = 0.05  # of the range, to either side: where the static slopes are taken
+_REVERSAL_STEP = 0.0005  # of the range: how far the current goes back
 
 
 @dataclass(frozen=True)
@@ -203,7 +205,7 @@ class Slopes:
 
 
 @dataclass(frozen=True)
-class Reversal:
+class ReversalSlopes:
     """Slopes of a magnet with a memory."""
 
     static: Slopes  # of the middle between the rising and the falling branch of the settled loop
@@ -211,68 +213,74 @@ class Reversal:
     after_fall: float
 
     @property
-    def share(self) -> float:
+    def slope_ratio(self) -> float:
         """The lesser slope after a reversal, in parts of the static one."""
         return min(self.after_rise, self.after_fall) / self.static.k_i
 
     @property
     def label(self) -> Literal["regular", "pathological"]:
         """What that makes of the iron."""
-        return label_of(self.share)
+        return label_iron(self.slope_ratio)
 
 
-def label_of(share: float) -> Literal["regular", "pathological"]:
+def label_iron(slope_ratio: float) -> Literal["regular", "pathological"]:
     """Return what an iron is called whose slope after a reversal is this part of the static one."""
-    return "pathological" if share < PATHOLOGICAL else "regular"
+    return "pathological" if slope_ratio < PATHOLOGICAL_SLOPE_RATIO else "regular"
 
 
-def measure_reversal(
-    step: Callable[[float, float], float],
+def measure_slopes(
+    apply: Callable[[float, float], float],
     current: float,
     gap: float,
     low: float,
     high: float,
     gap_step: float,
-) -> Reversal:
+) -> ReversalSlopes:
     """Measure the slopes of a magnet with a memory on its settled loop."""
-    around, turn = _AROUND * (high - low), _TURN * (high - low)
+    around, turn = _SLOPE_SPAN * (high - low), _REVERSAL_STEP * (high - low)
     if not low + around < current < high - around:
         raise ValueError(f"the current of {current:g} A is not well within {low:g}..{high:g} A")
     below, at, above = (
-        _middle(step, current, position, low, high)
+        _mean_branch(apply, current, position, low, high)
         for position in (gap - gap_step, gap, gap + gap_step)
     )
-    _settle(step, gap, low, high)
-    rising = _go(step, gap, low, current)[-1]
-    after_rise = (rising - step(current - turn, gap)) / turn
-    _go(step, gap, current - turn, high)
-    falling = _go(step, gap, high, current)[-1]
-    after_fall = (step(current + turn, gap) - falling) / turn
+    _settle_on_loop(apply, gap, low, high)
+    rising = _drive(apply, gap, low, current)[-1]
+    after_rise = (rising - apply(current - turn, gap)) / turn
+    _drive(apply, gap, current - turn, high)
+    falling = _drive(apply, gap, high, current)[-1]
+    after_fall = (apply(current + turn, gap) - falling) / turn
     k_s = (below[0] - above[0]) / (2.0 * gap_step)
-    return Reversal(Slopes(at[0], at[1], k_s), float(after_rise), float(after_fall))
+    return ReversalSlopes(Slopes(at[0], at[1], k_s), float(after_rise), float(after_fall))
 
 
-def _go(step: Callable[[float, float], float], gap: float, start: float, end: float) -> FloatArray:
+def _drive(
+    apply: Callable[[float, float], float], gap: float, start: float, end: float
+) -> FloatArray:
     """Go from one current to another and return the forces on the way."""
-    return np.array([step(float(x), gap) for x in np.linspace(start, end, _SAMPLES + 1)[1:]])
+    return np.array(
+        [apply(float(x), gap) for x in np.linspace(start, end, _SAMPLES_PER_BRANCH + 1)[1:]]
+    )
 
 
-def _settle(step: Callable[[float, float], float], gap: float, low: float, high: float) -> None:
-    for _ in range(_CYCLES):
-        _go(step, gap, low, high)
-        _go(step, gap, high, low)
+def _settle_on_loop(
+    apply: Callable[[float, float], float], gap: float, low: float, high: float
+) -> None:
+    for _ in range(_SETTLING_CYCLES):
+        _drive(apply, gap, low, high)
+        _drive(apply, gap, high, low)
 
 
-def _middle(
-    step: Callable[[float, float], float], current: float, gap: float, low: float, high: float
+def _mean_branch(
+    apply: Callable[[float, float], float], current: float, gap: float, low: float, high: float
 ) -> tuple[float, float]:
     """Return force and slope over the current of the middle of both branches."""
-    _settle(step, gap, low, high)
-    rising, falling = _go(step, gap, low, high), _go(step, gap, high, low)
-    grid = np.linspace(low, high, _SAMPLES + 1)
+    _settle_on_loop(apply, gap, low, high)
+    rising, falling = _drive(apply, gap, low, high), _drive(apply, gap, high, low)
+    grid = np.linspace(low, high, _SAMPLES_PER_BRANCH + 1)
     middle = 0.5 * (rising[:-1] + falling[-2::-1])  # at grid[1:-1]
     off = grid[1:-1] - current
-    near = np.abs(off) <= _AROUND * (high - low)
+    near = np.abs(off) <= _SLOPE_SPAN * (high - low)
     # A parabola, so that the bend of the curve does not tilt its slope.
     bend = np.polynomial.Polynomial.fit(off[near], middle[near], 2).convert().coef
     return float(bend[0]), float(bend[1])

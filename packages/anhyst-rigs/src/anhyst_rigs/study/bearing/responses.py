@@ -19,34 +19,34 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from anhyst.compensate.methods import MODELS
-from anhyst.support.jobs import Progress, all_of
+from anhyst.compensate.methods import MODEL_METHODS
+from anhyst.support.jobs import Progress, map_ordered
 from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, rms, sine
-from anhyst_rigs.rig.bearing.held import lost_at
+from anhyst_rigs.rig.bearing.held import levitation_loss_time
 from anhyst_rigs.rig.bearing.loop import BearingSetup
-from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder, steps_up_and_down
+from anhyst_rigs.rig.bearing.scenario import ScenarioBuilder, plan_steps
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import ReferenceStep, SimulatedLoop
-from anhyst_rigs.rig.recording import Recording, peak, settled_from
-from anhyst_rigs.study.bearing.linear import Zone, zone
+from anhyst_rigs.rig.recording import Recording, peak_deviation, settling_tick
+from anhyst_rigs.study.bearing.linear import Zone, find_zone
+from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
 from anhyst_rigs.study.engine.table import (
     CaseFigures,
     ComparedFigure,
     Interval,
     Judgement,
     compare,
-    judge,
-    strongest,
+    judge_against_baselines,
+    strongest_baseline,
 )
-from anhyst_rigs.study.engine.where_it_pays import WHERE_IT_PAYS
 
-SETTLED = 0.02  # of a step's height
-_RESOLUTIONS = 3.0  # of a sensor's resolution, rms, within which a position counts as arrived
-_REST = 0.25  # last part of a hold, taken for standstill
+SETTLING_BAND = 0.02  # of a step's height
+_RESOLUTION_FACTOR = 3.0  # of a sensor's resolution, rms, within which a position counts as arrived
+_STANDSTILL_PART = 0.25  # last part of a hold, taken for standstill
 # Last part of a hold, taken for what a standstill adds to an overshoot. Deviations to both sides
 # count, beyond a reference only one does: half the hold draws as many chances as the whole of it.
-_NOISE = 0.5
+_NOISE_PART = 0.5
 
 
 @dataclass(frozen=True)
@@ -73,10 +73,10 @@ def settling_band(height: float, resolution: float) -> float:
 
     It depends on the step and the sensor alone: whoever trembles more gets no wider one.
     """
-    return max(SETTLED * abs(height), _RESOLUTIONS * resolution)
+    return max(SETTLING_BAND * abs(height), _RESOLUTION_FACTOR * resolution)
 
 
-def step_figures(
+def evaluate_step(
     time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolution: float
 ) -> StepFigures:
     """Judge one step: one sample of the old level, then the hold at the new one."""
@@ -86,16 +86,17 @@ def step_figures(
     height = float(r[1] - r[0])
     way = (y[1:] - r[0]) / height  # 0 at the old reference, 1 at the new one
     since = t[1:] - t[1]
-    rest = y[1 + int((1.0 - _REST) * len(way)) :]
-    late = way[int((1.0 - _NOISE) * len(way)) :]
+    rest = y[1 + int((1.0 - _STANDSTILL_PART) * len(way)) :]
+    late = way[int((1.0 - _NOISE_PART) * len(way)) :]
     error = np.abs(y[1:] - r[1])
     return StepFigures(
         overshoot_percent=100.0 * max(0.0, float(np.max(way)) - 1.0),
         noise_percent=100.0 * float(np.max(np.abs(late - np.mean(late)))),
         undershoot_percent=100.0 * max(0.0, -float(np.min(way))),
-        rise_time_s=_reached(since, way, 0.9) - min(_reached(since, way, 0.1), since[-1]),
-        settling_time_s=_stays_from(since, error, SETTLED * abs(height)),
-        settling_in_noise_s=_stays_from(since, error, settling_band(height, resolution)),
+        rise_time_s=_crossing_time(since, way, 0.9)
+        - min(_crossing_time(since, way, 0.1), since[-1]),
+        settling_time_s=_settling_time(since, error, SETTLING_BAND * abs(height)),
+        settling_in_noise_s=_settling_time(since, error, settling_band(height, resolution)),
         steady_error_m=float(np.mean(rest)) - float(r[1]),
         standstill_rms_m=float(np.std(rest)),
     )
@@ -105,15 +106,15 @@ def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) 
     """Return how long after a disturbance an error stays within a band."""
     t = np.asarray(time, dtype=float)
     later = t >= start
-    return _stays_from(t[later] - start, np.abs(np.asarray(error, dtype=float))[later], band)
+    return _settling_time(t[later] - start, np.abs(np.asarray(error, dtype=float))[later], band)
 
 
-def rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
+def rms_rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
     """Return the rms of a current's rate of change; times the inductance, the voltage it took."""
     return rms(np.diff(np.asarray(current, float)) / np.diff(np.asarray(time, float)))
 
 
-def _reached(since: FloatArray, way: FloatArray, share: float) -> float:
+def _crossing_time(since: FloatArray, way: FloatArray, share: float) -> float:
     """Return when a share of the way was first covered, between samples; inf if never."""
     beyond = np.flatnonzero(way >= share)
     if not len(beyond):
@@ -125,16 +126,16 @@ def _reached(since: FloatArray, way: FloatArray, share: float) -> float:
     return float(since[i - 1] + part * (since[i] - since[i - 1]))
 
 
-def _stays_from(since: FloatArray, error: FloatArray, band: float) -> float:
+def _settling_time(since: FloatArray, error: FloatArray, band: float) -> float:
     """Return the first time from which the error stays within the band; inf if it does not."""
-    first = settled_from(error, band)
+    first = settling_tick(error, band)
     if not first:
         return 0.0
     return math.inf if first == len(since) else float(since[first])
 
 
-_PERIODS, _SECONDS = 5, 0.02  # at least, of each frequency
-_SETTLE_PERIODS, _SETTLE_SECONDS = 2, 0.02
+_MIN_PERIODS, _MIN_SECONDS = 5, 0.02  # at least, of each frequency
+_MIN_SETTLING_PERIODS, _MIN_SETTLING_S = 2, 0.02
 
 
 @dataclass(frozen=True)
@@ -145,7 +146,7 @@ class Sensitivity:
     ratio: NDArray[np.complex128]  # what the controller saw over what was injected; shape (n,)
     # root mean square of what the sine does not explain (noise, harmonics), over that of the
     # injected sine; shape (n,)
-    rest: FloatArray
+    residual_ratio: FloatArray
     amplitude: float  # of the injected sine, m
 
     @property
@@ -171,16 +172,16 @@ class Sensitivity:
     @property
     def zone(self) -> Zone:
         """Zone of ISO 14839-3."""
-        return zone(self.peak)
+        return find_zone(self.peak)
 
 
 @dataclass(frozen=True)
-class _Piece:
+class _SinePiece:
     """Where one frequency stands in the sweep: settling from `begin`, measured in between."""
 
     frequency: float
     begin: int
-    first: int
+    measured_from: int
     end: int
 
 
@@ -191,43 +192,43 @@ def measure_sensitivity(
     asked_Hz = np.atleast_1d(np.asarray(frequencies, dtype=float))
     if not (np.all(asked_Hz > 0.0) and np.all(asked_Hz < 0.5 * rate)):
         raise ValueError(f"frequencies must lie between 0 and {0.5 * rate:g} Hz, half the rate")
-    pieces = _sweep(asked_Hz.tolist(), rate)
+    pieces = _plan_sweep(asked_Hz.tolist(), rate)
     sines = [sine(one.frequency / rate * np.arange(one.end - one.begin)) for one in pieces]
     inject = amplitude * np.concatenate(sines)  # every sine is zero at its beginning
     seen = run(inject)["gap_read_m"]
     if len(seen) != len(inject):
         raise ValueError(f"the run has {len(seen)} ticks where {len(inject)} were injected")
-    answers = [_fit(seen, piece, rate) for piece in pieces]
+    answers = [_fit_sine(seen, piece, rate) for piece in pieces]
     return Sensitivity(
         frequency=asked_Hz,
         ratio=np.array([answer / amplitude for answer, _ in answers], dtype=np.complex128),
-        rest=np.array([rest for _, rest in answers]) / (amplitude / math.sqrt(2.0)),
+        residual_ratio=np.array([rest for _, rest in answers]) / (amplitude / math.sqrt(2.0)),
         amplitude=amplitude,
     )
 
 
-def _sweep(frequencies: Sequence[float], rate: float) -> list[_Piece]:
+def _plan_sweep(frequencies: Sequence[float], rate: float) -> list[_SinePiece]:
     """Lay the frequencies out one after the other, each over whole periods."""
-    pieces: list[_Piece] = []
+    pieces: list[_SinePiece] = []
     begin = 0
     for frequency in frequencies:
-        settle = math.ceil(max(_SETTLE_PERIODS / frequency, _SETTLE_SECONDS) * rate)
-        periods = max(_PERIODS, math.ceil(_SECONDS * frequency))
+        settle = math.ceil(max(_MIN_SETTLING_PERIODS / frequency, _MIN_SETTLING_S) * rate)
+        periods = max(_MIN_PERIODS, math.ceil(_MIN_SECONDS * frequency))
         first = begin + settle
         end = first + round(periods / frequency * rate)
-        pieces.append(_Piece(frequency, begin, first, end))
+        pieces.append(_SinePiece(frequency, begin, first, end))
         begin = end
     return pieces
 
 
-def _fit(seen: FloatArray, piece: _Piece, rate: float) -> tuple[complex, float]:
+def _fit_sine(seen: FloatArray, piece: _SinePiece, rate: float) -> tuple[complex, float]:
     """Return the complex amplitude against the sine of a piece, and the rms of what is left."""
-    ticks = np.arange(piece.first, piece.end)
+    ticks = np.arange(piece.measured_from, piece.end)
     phase = 2.0 * np.pi * piece.frequency / rate * (ticks - piece.begin)
     # The middle and a slow drift are no answer to the sine.
     drift = np.linspace(-1.0, 1.0, len(ticks))
     basis = np.column_stack([np.sin(phase), np.cos(phase), np.ones_like(phase), drift])
-    row = seen[piece.first : piece.end]
+    row = seen[piece.measured_from : piece.end]
     middle = float(np.mean(row))
     coefficients, *_ = np.linalg.lstsq(basis, row - middle, rcond=None)
     rest = row - middle - basis @ coefficients
@@ -235,7 +236,7 @@ def _fit(seen: FloatArray, piece: _Piece, rate: float) -> tuple[complex, float]:
 
 
 OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
-FIGURES = (
+STEP_FIGURES = (
     *(field.name for field in fields(StepFigures)),
     "tracking_rms_m",
     "tracking_peak_m",
@@ -244,7 +245,7 @@ FIGURES = (
     "heat_W",
 )
 """Of one step, by name; docs/simulate.md says what each is."""
-_LARGEST = (OVERSHOOT, NOISE)
+_FIGURES_BY_MAXIMUM = (OVERSHOOT, NOISE)
 """Of a step up and one down, the larger one counts; of all other figures the mean."""
 
 
@@ -279,9 +280,9 @@ class StepCell(CaseFigures):
     load: float  # N
 
     @property
-    def overshoots(self) -> bool:
+    def has_overshoot(self) -> bool:
         """Whether the overshoot is certainly more than what the standstill adds to it."""
-        return self.of(OVERSHOOT).exceeds(self.of(NOISE))
+        return self.interval(OVERSHOOT).exceeds(self.interval(NOISE))
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as ``figures.json`` holds it."""
@@ -292,30 +293,30 @@ class StepCell(CaseFigures):
 def position_resolution(rig: BodyRig) -> float:
     """Return what the position sensor of a rig cannot resolve, rms of noise and steps, m."""
     sensor = rig.settings.gap_sensor
-    return math.hypot(sensor.noise_m, sensor.step / math.sqrt(12.0))
+    return math.hypot(sensor.noise_m, sensor.resolution / math.sqrt(12.0))
 
 
 def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
     """Run all steps of a run."""
     rig = run.setup.rig
-    scenario = steps_up_and_down(rig, run.setup.controller, run.gap, run.heights, run.load)
+    scenario = plan_steps(rig, run.setup.controller, run.gap, run.heights, run.load)
     recording = SimulatedLoop(run.setup, run.seed).run(scenario)
-    lost = lost_at(rig, recording, scenario.lifted)
+    lost = levitation_loss_time(rig, recording, scenario.lift_end_tick)
     if lost is not None or len(recording) < scenario.ticks:
         return [], lost if lost is not None else float(recording["t_s"][-1])
-    return [_judge(run, recording, step) for step in scenario.steps], None
+    return [_evaluate_recorded_step(run, recording, step) for step in scenario.steps], None
 
 
-def _judge(run: StepRun, recording: Recording, step: ReferenceStep) -> StepResult:
-    part = recording.part(step.begin - 1, step.end)
+def _evaluate_recorded_step(run: StepRun, recording: Recording, step: ReferenceStep) -> StepResult:
+    part = recording.slice_ticks(step.begin - 1, step.end)
     time, reference, gap = part["t_s"], part["reference_m"], part["gap_m"]
     current, off = part["current_A"], gap - reference
     figures = {
-        **asdict(step_figures(time, reference, gap, position_resolution(run.setup.rig))),
+        **asdict(evaluate_step(time, reference, gap, position_resolution(run.setup.rig))),
         "tracking_rms_m": rms(off),
-        "tracking_peak_m": peak(off),
+        "tracking_peak_m": peak_deviation(off),
         "force_error_rms_N": rms(part["force_N"] - part["demand_N"]),
-        "current_rate_rms_A_per_s": rate_of_change(time, current),
+        "current_rate_rms_A_per_s": rms_rate_of_change(time, current),
         "heat_W": run.setup.rig.settings.magnet.poles.resistance * float(np.mean(current**2)),
     }
     return StepResult(step.height, figures)
@@ -335,24 +336,26 @@ def compare_steps(
         StepRun(setup, gap, tuple(heights), load, seed)
         for setup, gap, load, seed in product(setups, gaps, loads, seeds)
     ]
-    results = all_of(run_steps, runs, progress, jobs)
+    results = map_ordered(run_steps, runs, progress, jobs)
     tried: dict[tuple[int, float, float], list[list[StepResult]]] = {}
     for run, (steps, _) in zip(runs, results, strict=True):
         tried.setdefault((id(run.setup), run.gap, run.load), []).append(steps)
     cells = []
     for setup, gap, load, height in product(setups, gaps, loads, heights):
-        mine = [merged(steps, height) for steps in tried[id(setup), gap, load]]
+        mine = [merge_directions(steps, height) for steps in tried[id(setup), gap, load]]
         where = {"variant": setup.method, "gap": gap, "height": height, "load": load}
-        cells.append(StepCell.over(mine, **where))
+        cells.append(StepCell.summarise(mine, **where))
     return cells
 
 
-def merged(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
+def merge_directions(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
     """Return what steps up and down of a height are together; None where there was none."""
     pair = [one.figures for one in steps if math.isclose(one.height, height, rel_tol=1e-6)]
     return {
-        name: float((max if name in _LARGEST else np.mean)([figures[name] for figures in pair]))
-        for name in (FIGURES if steps else ())
+        name: float(
+            (max if name in _FIGURES_BY_MAXIMUM else np.mean)([figures[name] for figures in pair])
+        )
+        for name in (STEP_FIGURES if steps else ())
     } or None
 
 
@@ -361,15 +364,15 @@ def default_seeds(rig: BodyRig) -> range:
     return range(rig.settings.noise_seeds)
 
 
-SINE_M = 0.5e-6
+SWEEP_AMPLITUDE_M = 0.5e-6
 """Amplitude of the swept sine, m."""
 
 
-class _LostError(Exception):
+class _LevitationLostError(Exception):
     """What lies on its stop answers to no controller."""
 
 
-def sweep(
+def measure_loop_sensitivity(
     setup: BearingSetup, gap: float, load: float, frequencies: FloatArray, seed: int
 ) -> Sensitivity | None:
     """Measure the sensitivity of a loop by a swept sine."""
@@ -379,18 +382,18 @@ def sweep(
 
     def run(inject: FloatArray) -> Recording:
         recording = loop.run(ScenarioBuilder(rig, gap, load).hold(0.0, inject).build())
-        if len(recording) < inject.size or lost_at(rig, recording) is not None:
-            raise _LostError
+        if len(recording) < inject.size or levitation_loss_time(rig, recording) is not None:
+            raise _LevitationLostError
         return recording
 
     try:
-        return measure_sensitivity(run, frequencies, SINE_M, rig.settings.timing.rate_Hz)
-    except _LostError:
+        return measure_sensitivity(run, frequencies, SWEEP_AMPLITUDE_M, rig.settings.timing.rate_Hz)
+    except _LevitationLostError:
         return None
 
 
 @dataclass(frozen=True)
-class Steps:
+class StepComparison:
     """Figures of one step, up and down, under every variant."""
 
     gap: float  # around which it goes, m
@@ -398,51 +401,55 @@ class Steps:
     height: float  # m
     cells: Mapping[MethodName, StepCell]  # by variant
 
-    def of(self, name: str) -> Mapping[MethodName, Interval]:
+    def figure(self, name: str) -> Mapping[MethodName, Interval]:
         """Return a figure of every variant, without a mean where levitation was lost."""
-        return {key: cell.of(name) for key, cell in self.cells.items()}
+        return {key: cell.interval(name) for key, cell in self.cells.items()}
 
 
-def grouped(cells: Iterable[StepCell]) -> tuple[Steps, ...]:
+def group_by_step(cells: Iterable[StepCell]) -> tuple[StepComparison, ...]:
     """Put the cells of all variants beside each other."""
     by_step: dict[tuple[float, float, float], dict[MethodName, StepCell]] = {}
     for cell in cells:
         by_step.setdefault((cell.gap, cell.load, cell.height), {})[cell.variant] = cell
-    return tuple(Steps(*step, mine) for step, mine in by_step.items())
+    return tuple(StepComparison(*step, mine) for step, mine in by_step.items())
 
 
-def step_difference(step: Steps, mine: MethodName, baseline: MethodName) -> ComparedFigure:
+def compare_overshoots(
+    step: StepComparison, mine: MethodName, baseline: MethodName
+) -> ComparedFigure:
     """Compare the overshoots of two variants in a step, beyond the larger noise of both."""
-    overshoot, noise = step.of(OVERSHOOT), step.of(NOISE)
+    overshoot, noise = step.figure(OVERSHOOT), step.figure(NOISE)
     floor = max(noise[mine].mean, noise[baseline].mean)
     return compare("overshoot", baseline, overshoot[mine], overshoot[baseline], floor)
 
 
-def judge_steps(steps: Sequence[Steps], variant: MethodName) -> Judgement:
+def judge_steps(steps: Sequence[StepComparison], variant: MethodName) -> Judgement:
     """Judge a variant, or the fullest model beside it where it has none."""
-    models = [name for name in MODELS if any(name in step.cells for step in steps)]
-    mine = variant if variant in MODELS or not models else models[-1]
-    if mine not in MODELS:
+    models = [name for name in MODEL_METHODS if any(name in step.cells for step in steps)]
+    mine = variant if variant in MODEL_METHODS or not models else models[-1]
+    if mine not in MODEL_METHODS:
         return Judgement("unknown", "no variant with a hysteresis model was run")
-    compared = _known(steps, mine, [strongest(step.of(OVERSHOOT)) for step in steps])
+    compared = _compare_with(
+        steps, mine, [strongest_baseline(step.figure(OVERSHOOT)) for step in steps]
+    )
     if not compared:
         return Judgement("unknown", f"{mine} or every baseline lost levitation at every step")
-    judged = judge(mine, compared, "steps", WHERE_IT_PAYS["feedback"])
-    flux = _known(steps, mine, ["flux"] * len(steps))
+    judged = judge_against_baselines(mine, compared, "steps", BENEFICIAL_CONDITIONS["feedback"])
+    flux = _compare_with(steps, mine, ["flux"] * len(steps))
     if not flux:
         return judged
-    less, more = (sum(getattr(one, way) for one in flux) for way in ("less", "more"))
+    less, more = (sum(getattr(one, way) for one in flux) for way in ("is_better", "is_worse"))
     text = f"{judged.text}; than measured flux less at {less} and more at {more}"
     return replace(judged, text=text)
 
 
-def _known(
-    steps: Sequence[Steps], mine: MethodName, others: Sequence[MethodName | None]
+def _compare_with(
+    steps: Sequence[StepComparison], mine: MethodName, others: Sequence[MethodName | None]
 ) -> list[ComparedFigure]:
     """Compare a variant with another one at each step where both held the armature."""
     differences = [
-        step_difference(step, mine, other)
+        compare_overshoots(step, mine, other)
         for step, other in zip(steps, others, strict=True)
         if other is not None and {mine, other} <= set(step.cells)
     ]
-    return [one for one in differences if math.isfinite(one.mine + one.its)]
+    return [one for one in differences if math.isfinite(one.model_value + one.baseline_value)]

@@ -8,46 +8,56 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from anhyst.compensate.methods import BASELINES, MODELS
+from anhyst.compensate.methods import BASELINE_METHODS, MODEL_METHODS
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import Progress, in_parts
-from anhyst.support.kinds import PROBED, MethodName
-from anhyst.support.result import columns_of
-from anhyst_rigs.rig.bearing.held import levitation_fault, lost_after_steps
+from anhyst.support.jobs import Progress, split_progress
+from anhyst.support.kinds import FLUX_PROBE_METHODS, MethodName
+from anhyst.support.result import rows_to_columns
+from anhyst_rigs.rig.bearing.held import levitation_fault, losses_after_steps
 from anhyst_rigs.rig.bearing.loop import BearingSetup, calibrated_magnets, make_setups
-from anhyst_rigs.rig.bearing.scenario import parts_of_run
+from anhyst_rigs.rig.bearing.scenario import plan_recorded_run
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.distance import PlantCheck
 from anhyst_rigs.rig.fitting import IdentifiedMagnet, check_plant
 from anhyst_rigs.rig.loop import Scenario, SimulatedLoop
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing import experiments, linear
+from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 from anhyst_rigs.study.bearing.operating import (
     OperatingPoint,
-    has_constants,
-    linear_loop,
+    has_constant_gains,
+    make_linear_loop,
     sweep_frequencies,
 )
-from anhyst_rigs.study.bearing.ready import make_ready, read_files
 from anhyst_rigs.study.bearing.responses import (
     Sensitivity,
     StepCell,
     compare_steps,
     default_seeds,
-    grouped,
+    group_by_step,
     judge_steps,
-    sweep,
+    measure_loop_sensitivity,
 )
-from anhyst_rigs.study.engine.table import FIGURES, CaseFigures, Judgement, StudyResult, keep_lost
+from anhyst_rigs.study.engine.table import (
+    FIGURES_FILE,
+    CaseFigures,
+    Judgement,
+    StudyResult,
+    save_lost_run,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COMPARED = (*BASELINES, "flux", *(name for name in MODELS if name not in ("at-rest", "fused")))
+COMPARED_VARIANTS = (
+    *BASELINE_METHODS,
+    "flux",
+    *(name for name in MODEL_METHODS if name not in ("at-rest", "fused")),
+)
 """What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
 _WORK_OF_PARTS = (5.0, 4.0)
 """Model and first run, then the steps, in units of any other experiment."""
@@ -93,9 +103,9 @@ class Simulation(StudyResult):
     controller: ControllerFile
     knowledge: IdentifiedMagnet
     setups: Mapping[MethodName, BearingSetup]
-    at: OperatingPoint
+    operating_point: OperatingPoint
     recording: Recording
-    shown: Mapping[MethodName, Recording]
+    step_recordings: Mapping[MethodName, Recording]
     scenario: Scenario
     cells: list[StepCell]
     experiments: experiments.Experiments
@@ -103,7 +113,7 @@ class Simulation(StudyResult):
     sensitivity: Mapping[MethodName, Sensitivity]
     plant: PlantCheck
     left_out: Mapping[MethodName, str]
-    lost_late: Sequence[str]
+    losses_after_steps: Sequence[str]
 
     @property
     def lost_in(self) -> list[str]:
@@ -113,26 +123,28 @@ class Simulation(StudyResult):
             *(
                 (f"steps at {1e3 * one.gap:g} mm", one)
                 for one in self.cells
-                if one.variant == self.own
+                if one.variant == self.main_variant
             ),
-            ("standstill", tried.standstill[self.own]),
+            ("standstill", tried.standstill[self.main_variant]),
         ]
         for shape, by_variant in tried.trajectories:
             title = f"{shape.kind} of {1e6 * shape.amplitude_m:g} um"
-            blocks.append((title, by_variant[self.own]))
+            blocks.append((title, by_variant[self.main_variant]))
         for force, by_variant in tried.load_steps:
-            blocks.append((f"load step of {force:g} N", by_variant[self.own]))
-        blocks += [(event, by_variant[self.own]) for event, by_variant in tried.events.items()]
+            blocks.append((f"load step of {force:g} N", by_variant[self.main_variant]))
+        blocks += [
+            (event, by_variant[self.main_variant]) for event, by_variant in tried.events.items()
+        ]
         lost = {title: one.lost for title, one in blocks if one.lost}
         runs = [f"{title} ({n} run{'' if n == 1 else 's'})" for title, n in lost.items()]
-        swept = [] if self.own in self.sensitivity else ["sensitivity"]
-        return [*self.lost_late, *runs, *swept]
+        swept = [] if self.main_variant in self.sensitivity else ["sensitivity"]
+        return [*self.losses_after_steps, *runs, *swept]
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult where the controller file's own variant lost levitation."""
         if self.lost_in:
             raise NegativeResult(
-                f"'{self.own}' of the controller file lost levitation: {'; '.join(self.lost_in)}; "
+                f"'{self.main_variant}' of the controller file lost levitation: {'; '.join(self.lost_in)}; "
                 "figures and recording are kept",
                 code="levitation-lost",
             )
@@ -140,22 +152,22 @@ class Simulation(StudyResult):
     @property
     def verdict(self) -> Judgement:
         """Whether compensation is worth it, by the overshoots of all steps."""
-        return judge_steps(grouped(self.cells), self.own)
+        return judge_steps(group_by_step(self.cells), self.main_variant)
 
     @property
-    def own(self) -> MethodName:
+    def main_variant(self) -> MethodName:
         """MethodName of the controller file."""
         return self.controller.settings.compensation.variant
 
     def facts(self) -> dict[str, str]:
         """Return overshoot and standstill of every variant at the highest step."""
-        facts = {"rig": self.rig.settings.name, "controller": self.own}
+        facts = {"rig": self.rig.settings.name, "controller": self.main_variant}
         for name in self.setups:
             last = [cell for cell in self.cells if cell.variant == name][-1]
             facts[name] = (
-                f"overshoot {last.of('overshoot_percent').mean:.2f} % of "
+                f"overshoot {last.interval('overshoot_percent').mean:.2f} % of "
                 f"{1e6 * last.height:g} um, standstill "
-                f"{1e9 * last.of('standstill_rms_m').mean:.0f} nm"
+                f"{1e9 * last.interval('standstill_rms_m').mean:.0f} nm"
             )
         return facts | self.losses_fact()
 
@@ -165,9 +177,9 @@ class Simulation(StudyResult):
         rows = []
         for cell in self.cells:
             where = {"gap_m": cell.gap, "step_m": cell.height, "load_N": cell.load}
-            means = {name: cell.of(name).mean for name in names}
+            means = {name: cell.interval(name).mean for name in names}
             rows.append({"variant": cell.variant, **where, "lost": cell.lost, **means})
-        return columns_of(rows)
+        return rows_to_columns(rows)
 
     @cached_property
     def figures(self) -> dict[str, Any]:
@@ -187,11 +199,11 @@ class Simulation(StudyResult):
             "rate_Hz": rig.timing.rate_Hz,
             "delay_ticks": rig.timing.delay_ticks,
             "plant": self.plant.as_dict(),
-            "operating_point": _point(self.at),
+            "operating_point": _operating_point_dict(self.operating_point),
             "steps": [cell.as_dict() for cell in self.cells],
             **self.experiments.as_dict(),
             "loop": {
-                name: asdict(self.loops[name].margins) if has_constants(setup) else None
+                name: asdict(self.loops[name].margins) if has_constant_gains(setup) else None
                 for name, setup in self.setups.items()
             },
             "sensitivity": {name: swept.get(name) for name in self.setups},
@@ -205,7 +217,7 @@ class Simulation(StudyResult):
 
     def draw(self, ax: Axes) -> None:
         """Draw the steps of every variant: gap over time, one noise seed."""
-        for name, run in self.shown.items():
+        for name, run in self.step_recordings.items():
             ax.plot(run["t_s"], 1e3 * run["gap_m"], lw=0.9, label=name)
         ax.set_xlabel("time [s]")
         ax.set_ylabel("gap [mm]")
@@ -214,11 +226,11 @@ class Simulation(StudyResult):
         """Write recording, identified model and ``figures.json``."""
         self.recording.save(path)
         _write_model(path, self.rig, self.controller, self.knowledge)
-        self.write_figures(Path(path).parent / FIGURES)
+        self.write_figures(Path(path).parent / FIGURES_FILE)
         return Path(path)
 
 
-def explore(
+def simulate_bearing(
     rig_path: PathLike,
     out: PathLike | None = None,
     controller_path: PathLike | None = None,
@@ -226,27 +238,27 @@ def explore(
 ) -> Simulation:
     """Simulate a bearing with every kind of compensation; nothing is written but what was lost."""
     rig, controller = read_files(rig_path, controller_path)
-    ready = make_ready(rig, controller, _places(out, controller))
+    ready = check_inputs(rig, controller, _output_paths(out, controller))
     rig = ready.rig
     tried = rig.settings
     beside_steps = len(tried.trajectories) + len(tried.load_steps_N) + len(experiments.EVENTS)
-    parts = in_parts(progress, [*_WORK_OF_PARTS, *[1.0] * (1 + beside_steps)])
-    knowledge = ready.knowledge()
+    parts = split_progress(progress, [*_WORK_OF_PARTS, *[1.0] * (1 + beside_steps)])
+    knowledge = ready.identify_magnet()
     own = controller.settings.compensation.variant
     mine = make_setups(rig, controller, knowledge, (own,))[own]
-    steps, after, landing = parts_of_run(rig, mine.controller)
+    steps, after, landing = plan_recorded_run(rig, mine.controller)
     loop = SimulatedLoop(mine)
     recording = stepped = loop.run(steps)
     if len(stepped) == steps.ticks:
-        recording = Recording.joined([stepped, loop.run(after)])
+        recording = Recording.concatenate([stepped, loop.run(after)])
     if fault := levitation_fault(mine, recording, steps):
         if out is None:
             raise NegativeResult(fault, code="levitation-lost")
-        keep_lost(recording, out)
+        save_lost_run(recording, out)
         _write_model(out, rig, controller, knowledge)
         raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
     next(parts)(1, 1)
-    setups, left_out = _beside(mine, controller, knowledge)
+    setups, left_out = _make_compared_setups(mine, controller, knowledge)
     shown = {
         name: stepped if name == own else SimulatedLoop(setup).run(steps)
         for name, setup in setups.items()
@@ -254,35 +266,40 @@ def explore(
     heights, load, seeds = tried.step.heights_m, tried.load.force_N, default_seeds(rig)
     each = list(setups.values())
     cells = compare_steps(each, tried.step_gaps_m, heights, [load], seeds, next(parts))
-    tried_beside = experiments.try_all(rig, setups, seeds, parts)
+    tried_beside = experiments.run_experiments(rig, setups, seeds, parts)
     asked_Hz = sweep_frequencies(rig)
-    swept = {name: sweep(one, tried.gap_m, load, asked_Hz, seed=0) for name, one in setups.items()}
+    swept = {
+        name: measure_loop_sensitivity(one, tried.gap_m, load, asked_Hz, seed=0)
+        for name, one in setups.items()
+    }
     return Simulation(
         rig=rig,
         controller=controller,
         knowledge=knowledge,
         setups=setups,
-        at=ready.at,
+        operating_point=ready.operating_point,
         recording=recording,
-        shown=shown,
+        step_recordings=shown,
         scenario=steps,
         cells=cells,
         experiments=tried_beside,
-        loops={name: linear_loop(setup, ready.at) for name, setup in setups.items()},
+        loops={
+            name: make_linear_loop(setup, ready.operating_point) for name, setup in setups.items()
+        },
         sensitivity={name: one for name, one in swept.items() if one is not None},
         plant=check_plant(rig, knowledge),
         left_out=left_out,
-        lost_late=lost_after_steps(rig, recording, steps.ticks, landing),
+        losses_after_steps=losses_after_steps(rig, recording, steps.ticks, landing),
     )
 
 
-def _places(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike, ...]:
+def _output_paths(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike, ...]:
     """Return what is written for a recording."""
     if out is None:
         return ()
     check_recording(out)
-    model_file = [] if controller.model is not None else [_model_file(out)]
-    return (out, Path(out).parent / FIGURES, *model_file)
+    model_file = [] if controller.model is not None else [_model_path(out)]
+    return (out, Path(out).parent / FIGURES_FILE, *model_file)
 
 
 def _write_model(
@@ -293,22 +310,22 @@ def _write_model(
         magnets = calibrated_magnets(rig, knowledge, controller.settings.compensation.variant)
         # each of a calibrated pair has one of its own
         known = knowledge if len(magnets) > 1 else magnets[0]
-        write_model(known.model, _model_file(out))
+        write_model(known.model, _model_path(out))
 
 
-def _model_file(out: PathLike) -> Path:
+def _model_path(out: PathLike) -> Path:
     """Return where the model that was identified goes."""
     return Path(out).with_suffix(".model.toml")
 
 
-def _beside(
+def _make_compared_setups(
     mine: BearingSetup, controller: ControllerFile, knowledge: IdentifiedMagnet
 ) -> tuple[dict[MethodName, BearingSetup], dict[MethodName, str]]:
     """Fit what is compared with a setup; report what cannot be made, such as a law without a loop."""
     setups: dict[MethodName, BearingSetup] = {}
     left_out: dict[MethodName, str] = {}
     late: tuple[MethodName, ...] = ("at-rest",) if knowledge.model.has_layers else ()
-    for name in (*compared(mine.rig, mine.method), *late):
+    for name in (*compared_variants(mine.rig, mine.method), *late):
         try:
             own = {name: mine} if name == mine.method else None
             setups |= own or make_setups(mine.rig, controller, knowledge, (name,))
@@ -317,15 +334,17 @@ def _beside(
     return setups, left_out
 
 
-def compared(rig: BodyRig, own: MethodName) -> tuple[MethodName, ...]:
+def compared_variants(rig: BodyRig, own: MethodName) -> tuple[MethodName, ...]:
     """Return all variants that a rig allows, that of the controller file among them."""
     methods = [
-        name for name in COMPARED if name not in PROBED or rig.settings.hall_probe is not None
+        name
+        for name in COMPARED_VARIANTS
+        if name not in FLUX_PROBE_METHODS or rig.settings.hall_probe is not None
     ]
     return tuple(dict.fromkeys([*methods, own]))
 
 
-def _point(at: OperatingPoint) -> dict[str, Any]:
+def _operating_point_dict(at: OperatingPoint) -> dict[str, Any]:
     slopes = at.slopes
     return {
         "gap_m": at.gap,
@@ -333,9 +352,9 @@ def _point(at: OperatingPoint) -> dict[str, Any]:
         "current_A": at.current,
         "force_max_N": at.force_max,
         "k_i_N_per_A": slopes.static.k_i,
-        "k_s_N_per_m": at.point.k_s,
+        "k_s_N_per_m": at.bearing.k_s,
         "k_i_after_reversal_N_per_A": min(slopes.after_rise, slopes.after_fall),
         "iron": slopes.label,
-        "inductance_H": at.point.inductance,
-        "unstable_pole_Hz": at.point.pole_at_current,
+        "inductance_H": at.bearing.inductance,
+        "unstable_pole_Hz": at.bearing.current_drive_pole,
     }

@@ -13,9 +13,9 @@ from anhyst.control.exchange import control_library
 from anhyst.support.atomic import PathLike, check_path
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.body import BodyRig, read_bearing
-from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.from_loops import complete_rig
-from anhyst_rigs.study.bearing.linear import Point, voltage_matrices
+from anhyst_rigs.study.bearing.linear import LinearBearing, voltage_matrices
 from anhyst_rigs.study.bearing.operating import find_operating_point
 
 if TYPE_CHECKING:
@@ -67,29 +67,31 @@ def linearise(
         check_path(rig, "linearise: rig", "the path of a rig file")
     library = control_library()
     bearing = rig if isinstance(rig, BodyRig) else read_bearing(rig)
-    bearing = _moved(bearing, gap, force)
-    if bearing.settings.magnet.from_loops:
-        bearing = complete_rig(bearing, bearing.measured.read())
-    point = find_operating_point(bearing).point
-    a, b, c, d = _under_current(point) if drive == "current" else _under_voltage(point)
+    bearing = _at_operating_point(bearing, gap, force)
+    if bearing.settings.magnet.has_iron_from_loops:
+        bearing = complete_rig(bearing, bearing.measured_loops.read())
+    point = find_operating_point(bearing).bearing
+    a, b, c, d = (
+        _current_driven_matrices(point) if drive == "current" else _voltage_driven_matrices(point)
+    )
     names = {"inputs": [drive, "load"], "outputs": ["position", "force", "current"][: len(c)]}
     states = ["position", "velocity", "flux_current"][: len(a)]
     return library.StateSpace(a, b, c, d, **names, states=states, name="bearing")
 
 
-def _moved(rig: BodyRig, gap: float | None, force: float | None) -> BodyRig:
+def _at_operating_point(rig: BodyRig, gap: float | None, force: float | None) -> BodyRig:
     """Return a rig at another operating point."""
     changes: dict[str, float] = {}
     if gap is not None:
         changes["gap_m"] = gap
     if force is not None and rig.settings.bias_N is None:
-        changes["load.force_N"] = rig.settings.load.force_N + force - rig.load
+        changes["load.force_N"] = rig.settings.load.force_N + force - rig.static_load
     elif force is not None:
         changes["control.bias_N"] = force
-    return changed(rig, changes)
+    return change_rig(rig, changes)
 
 
-def _under_current(point: Point) -> tuple[FloatArray, ...]:
+def _current_driven_matrices(point: LinearBearing) -> tuple[FloatArray, ...]:
     mass = point.mass
     a = np.array([[0.0, 1.0], [point.k_s / mass, -point.damping / mass]])
     b = np.array([[0.0, 0.0], [point.k_i / mass, -1.0 / mass]])
@@ -97,7 +99,7 @@ def _under_current(point: Point) -> tuple[FloatArray, ...]:
     return a, b, c, np.array([[0.0, 0.0], [point.k_i, 0.0]])
 
 
-def _under_voltage(point: Point) -> tuple[FloatArray, ...]:
+def _voltage_driven_matrices(point: LinearBearing) -> tuple[FloatArray, ...]:
     a, into, current, direct = voltage_matrices(point)
     b = np.column_stack([into, [0.0, -1.0 / point.mass, 0.0]])
     c = np.array([[1.0, 0.0, 0.0], [point.k_s, 0.0, point.k_i], current])

@@ -16,22 +16,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.support import running_version
-from anhyst.support.atomic import PathLike, plain
+from anhyst.support.atomic import PathLike, to_json_value
+from anhyst.support.cache import ResultsFile
 from anhyst.support.errors import Interrupted, NegativeResult
-from anhyst.support.jobs import Progress, each
-from anhyst.support.kept import ResultsFile
+from anhyst.support.jobs import Progress, map_unordered
 from anhyst.support.kinds import MethodName
-from anhyst.support.result import columns_of
-from anhyst_rigs.rig.drift import Drift, draw_plant
+from anhyst.support.result import rows_to_columns
+from anhyst_rigs.rig.drift import Drift, sample_plant
 from anhyst_rigs.rig.file import RigFile
 from anhyst_rigs.study.engine.table import (
     ComparedFigure,
     Judgement,
     Metric,
     StudyResult,
-    judge,
+    judge_against_baselines,
     mean_interval,
-    strongest,
+    strongest_baseline,
 )
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class PlantFigure(Metric):
     case_key: str = ""  # what files call a case
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def case_names(self) -> tuple[str, ...]:
         """The cases in words."""
         if not self.cases:
             return ("",)
@@ -64,18 +64,18 @@ class Plants:
     # every figure, infinite or null where it was not reached; or ``lost_s`` alone
     run: Callable[[MethodName, Drift, int], dict[str, Any]]
     methods: tuple[MethodName, ...]
-    own: MethodName  # what the others are the baselines of
+    own_method: MethodName  # what the others are the baselines of
     figures: tuple[PlantFigure, ...]
-    read: tuple[Path, ...]  # files that results depend on
-    depends: Mapping[str, str]  # settings that they depend on, beside those of the rig
+    input_files: tuple[Path, ...]  # files that results depend on
+    setting_texts: Mapping[str, str]  # settings that they depend on, beside those of the rig
     seed: int  # of all plants
-    where_it_pays: str  # said where compensation is not worth it here
+    beneficial_condition: str  # said where compensation is not worth it here
     # what a map of the benefit calls its single case; "": each stage of the trials is one
     single_case: str = ""
 
-    def draw(self, number: int) -> tuple[Drift, int]:
+    def draw_plant(self, number: int) -> tuple[Drift, int]:
         """Return how far a plant has drifted, and the seed of its noise."""
-        return draw_plant(self.file, self.seed, number)
+        return sample_plant(self.file, self.seed, number)
 
     def header(self) -> dict[str, Any]:
         """Return all that results depend on."""
@@ -83,8 +83,8 @@ class Plants:
             "format": "anhyst-montecarlo",
             "version": 2,
             "anhyst": running_version(),
-            "rig": _hash(self.file.model_dump_json(), self.read),
-            **{name: _hash(text, ()) for name, text in self.depends.items()},
+            "rig": _hash(self.file.model_dump_json(), self.input_files),
+            **{name: _hash(text, ()) for name, text in self.setting_texts.items()},
             "variants": list(self.methods),
             "seed": self.seed,
         }
@@ -102,7 +102,7 @@ class PlantRun:
     """What one plant did behind one method."""
 
     values: Mapping[str, tuple[float, ...]]  # by figure, one a case; infinite where it was lost
-    lost: float | None  # when the loop was lost, s
+    lost_s: float | None  # when the loop was lost, s
 
 
 @dataclass(frozen=True, repr=False)
@@ -136,14 +136,14 @@ class MonteCarlo(StudyResult):
         """
         return [run.values[key][case] for run in self.runs[method]]
 
-    def lost(self, method: MethodName) -> int:
+    def lost_count(self, method: MethodName) -> int:
         """Return how many plants were lost behind a method.
 
         Parameters
         ----------
         method : str
         """
-        return sum(run.lost is not None for run in self.runs[method])
+        return sum(run.lost_s is not None for run in self.runs[method])
 
     @property
     def lost_in(self) -> list[str]:
@@ -151,45 +151,53 @@ class MonteCarlo(StudyResult):
         return [
             f"{lost} of {len(self.drifts)} plants with '{name}'"
             for name in self.runs
-            if (lost := self.lost(name))
+            if (lost := self.lost_count(name))
         ]
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult where a plant was lost behind the compensator."""
-        own = self.plants.own
-        if self.lost(own):
+        own = self.plants.own_method
+        if self.lost_count(own):
             raise NegativeResult(
-                f"{self.lost(own)} of {len(self.drifts)} plants were lost with '{own}'",
+                f"{self.lost_count(own)} of {len(self.drifts)} plants were lost with '{own}'",
                 code="plants-lost",
             )
 
     @property
     def verdict(self) -> Judgement:
         """Whether compensation is worth it over all plants, figure by figure and case by case."""
-        own = self.plants.own
-        if self.lost(own):
-            return Judgement("unknown", f"'{own}' lost {self.lost(own)} of {len(self.drifts)}")
+        own = self.plants.own_method
+        if self.lost_count(own):
+            return Judgement(
+                "unknown", f"'{own}' lost {self.lost_count(own)} of {len(self.drifts)}"
+            )
         if len(self.drifts) < 2:
             return Judgement("unknown", "one plant says nothing of others; run more")
         compared = [
             comparison
             for figure in self.plants.figures
-            for case in range(len(figure.names))
+            for case in range(len(figure.case_names))
             if (comparison := self._compare(figure, case)) is not None
         ]
-        return judge(own, compared, "figures", self.plants.where_it_pays)
+        return judge_against_baselines(own, compared, "figures", self.plants.beneficial_condition)
 
     def _compare(self, figure: PlantFigure, case: int) -> ComparedFigure | None:
         """Compare with the strongest baseline plant by plant, since both meet the same ones."""
-        held = [method for method in self.runs if not self.lost(method)]
-        means = {one: mean_interval(self.values(one, figure.key, case)) for one in held}
-        if (best := strongest(means)) is None:
+        completed = [method for method in self.runs if not self.lost_count(method)]
+        means = {one: mean_interval(self.values(one, figure.key, case)) for one in completed}
+        if (best := strongest_baseline(means)) is None:
             return None
-        own = self.plants.own
-        mine, its = (np.array(self.values(one, figure.key, case)) for one in (own, best))
-        unsure = mean_interval(mine - its).half_width if np.isfinite(mine).all() else 0.0
-        title = f"{figure.title} {figure.names[case]}".strip()
-        return ComparedFigure(title, best, means[own].mean, means[best].mean, unsure)
+        own = self.plants.own_method
+        own_values, best_values = (
+            np.array(self.values(one, figure.key, case)) for one in (own, best)
+        )
+        uncertainty = (
+            mean_interval(own_values - best_values).half_width
+            if np.isfinite(own_values).all()
+            else 0.0
+        )
+        title = f"{figure.title} {figure.case_names[case]}".strip()
+        return ComparedFigure(title, best, means[own].mean, means[best].mean, uncertainty)
 
     def facts(self) -> dict[str, str]:
         """Return the first figure of every method, and the verdict."""
@@ -204,12 +212,12 @@ class MonteCarlo(StudyResult):
         """Return every figure of every plant, one row a plant, method and case."""
         rows = []
         for figure in self.plants.figures:
-            for case, name in enumerate(figure.names):
+            for case, name in enumerate(figure.case_names):
                 for method in self.runs:
                     for plant, value in enumerate(self.values(method, figure.key, case)):
                         row = {"figure": figure.key, "case": name, "variant": method}
                         rows.append({**row, "plant": plant, "value": value})
-        return columns_of(rows)
+        return rows_to_columns(rows)
 
     def draw(self, ax: Axes) -> None:
         """Draw the share of plants that stay below the first figure."""
@@ -230,7 +238,7 @@ class MonteCarlo(StudyResult):
             if key != "lost"
             for spread in (rows if isinstance(rows, list) else [rows])
         }
-        judged = self.verdict
+        verdict = self.verdict
         return {
             "format": "anhyst-montecarlo-figures",
             "rig": self.plants.file.name,
@@ -240,11 +248,11 @@ class MonteCarlo(StudyResult):
             "worst_plants": {
                 str(number): self.drifts[number].as_dict() for number in sorted(worst)
             },
-            "verdict": {"level": judged.level, "text": judged.sentence},
+            "verdict": {"level": verdict.level, "text": verdict.sentence},
         }
 
     def _variant(self, method: MethodName) -> dict[str, Any]:
-        figures: dict[str, Any] = {"lost": self.lost(method)}
+        figures: dict[str, Any] = {"lost": self.lost_count(method)}
         for figure in self.plants.figures:
             rows = [
                 {figure.case_key: case, **_spread(self.values(method, figure.key, index))}
@@ -258,7 +266,7 @@ def _spread(values: Sequence[float]) -> dict[str, float | int | None]:
     """Return percentiles, the worst and its plant; what is infinite becomes None, as for JSON."""
     worst = int(np.argmax(values))
     spread = {f"p{percent}": percentile(values, percent) for percent in PERCENTILES}
-    return {**plain({**spread, "worst": values[worst]}), "worst_plant": worst}
+    return {**to_json_value({**spread, "worst": values[worst]}), "worst_plant": worst}
 
 
 def percentile(values: Sequence[float], percent: float) -> float:
@@ -278,31 +286,31 @@ def monte_carlo(
     jobs: int | None = None,
 ) -> MonteCarlo:
     """Run plants that have drifted; a file of results goes on from where it was."""
-    fault = partial(fault_of, plants=plants)
+    fault = partial(find_fault, plants=plants)
     with ResultsFile(path, plants.header(), "plant", fault) as results:
-        left = [number for number in range(count) if number not in results.done]
+        remaining = [number for number in range(count) if number not in results.done]
         try:
-            for _, result in each(partial(run_plant, plants), left, progress, jobs):
+            for _, result in map_unordered(partial(run_plant, plants), remaining, progress, jobs):
                 results.add(result)
         except KeyboardInterrupt:
-            kept = sum(number in results.done for number in range(count))
+            done_count = sum(number in results.done for number in range(count))
             raise Interrupted(
-                f"{kept} of {count} plants are kept in {results.path}; the same command goes on "
+                f"{done_count} of {count} plants are kept in {results.path}; the same command goes on "
                 "from there"
             ) from None
         rows = [results.done[number]["variants"] for number in range(count)]
     return MonteCarlo(
         plants,
-        tuple(plants.draw(number)[0] for number in range(count)),
+        tuple(plants.draw_plant(number)[0] for number in range(count)),
         {name: tuple(_plant_run(row[name], plants) for row in rows) for name in plants.methods},
     )
 
 
 def run_plant(plants: Plants, number: int) -> dict[str, Any]:
     """Run one plant behind every method; returns the line of the file of results."""
-    drift, noise = plants.draw(number)
+    drift, noise = plants.draw_plant(number)
     variants = {
-        method: plain({"lost_s": None, **plants.run(method, drift, noise)})
+        method: to_json_value({"lost_s": None, **plants.run(method, drift, noise)})
         for method in plants.methods
     }
     return {"plant": number, "drift": drift.as_dict(), "variants": variants}
@@ -312,14 +320,14 @@ def _plant_run(row: Mapping[str, Any], plants: Plants) -> PlantRun:
     lost = row["lost_s"]
     values = {}
     for figure in plants.figures:
-        never = [None] * len(figure.names)
-        entry = never if lost is not None else row[figure.key]
+        lost_values = [None] * len(figure.case_names)
+        entry = lost_values if lost is not None else row[figure.key]
         cases = entry if isinstance(entry, list) else [entry]
         values[figure.key] = tuple(math.inf if case is None else case for case in cases)
     return PlantRun(values, lost)
 
 
-def fault_of(row: Mapping[str, Any], plants: Plants) -> str | None:
+def find_fault(row: Mapping[str, Any], plants: Plants) -> str | None:
     """Say what keeps a line from being the result of a plant."""
     return next(_faults(row, plants), None)
 
@@ -336,20 +344,20 @@ def _faults(row: Mapping[str, Any], plants: Plants) -> Iterator[str]:
         run, where = row["variants"].get(name), f"variants.{name}"
         if not isinstance(run, dict):
             yield f"{where}: is missing"
-        if not _possible(run.get("lost_s", math.nan)):
+        if not _is_valid_value(run.get("lost_s", math.nan)):
             yield f"{where}.lost_s: must be null or when the loop was lost"
         for figure in plants.figures if run["lost_s"] is None else ():
             entry = run.get(figure.key, math.nan)
             values = entry if figure.cases else [entry]
-            if not isinstance(values, list) or len(values) != len(figure.names):
-                yield f"{where}.{figure.key}: must have {len(figure.names)} values, one a case"
+            if not isinstance(values, list) or len(values) != len(figure.case_names):
+                yield f"{where}.{figure.key}: must have {len(figure.case_names)} values, one a case"
             for index, value in enumerate(values):
-                if not _possible(value):
+                if not _is_valid_value(value):
                     key = f"{figure.key}.{index}" if figure.cases else figure.key
                     yield f"{where}.{key}: must be null or a number that is not negative"
 
 
-def _possible(value: Any) -> bool:
+def _is_valid_value(value: Any) -> bool:
     if value is None:
         return True
     number = isinstance(value, int | float) and not isinstance(value, bool)

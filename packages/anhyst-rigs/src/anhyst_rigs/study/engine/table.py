@@ -27,13 +27,13 @@ from anhyst.support.result import Result
 from anhyst_rigs.rig.recording import Recording
 
 Level = Literal["yes", "mixed", "no", "unknown"]
-TITLES: Mapping[Level, str] = {
+VERDICT_TITLES: Mapping[Level, str] = {
     "yes": "Worth it",
     "mixed": "Worth it in part",
     "no": "Not worth it here",
     "unknown": "No verdict",
 }
-LISTED = 4
+MAX_LISTED = 4
 """Comparisons that are named one by one; more are counted."""
 
 
@@ -57,7 +57,7 @@ class Interval:
         return {"mean": self.mean, "half_width": self.half_width, "count": self.count}
 
 
-def no_mean(lost: int, count: int) -> Interval:
+def lost_interval(lost: int, count: int) -> Interval:
     """Return what stands in place of a mean of runs of which some lost levitation."""
     return Interval(math.nan, math.nan, count, lost)
 
@@ -75,7 +75,7 @@ def mean_interval(values: ArrayLike, level: float = 0.95) -> Interval:
 
 
 @dataclass(frozen=True)
-class Quotient:
+class MeanRatio:
     """A ratio of means with its confidence interval."""
 
     value: float  # infinite over a mean of zero
@@ -83,7 +83,7 @@ class Quotient:
     high: float
 
 
-def quotient(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> Quotient:
+def mean_ratio(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> MeanRatio:
     """Return the ratio of the means of pairs, with Fieller's interval.
 
     It holds all ratios R for which the mean of ``upper - R lower`` may be zero. So it holds 1
@@ -98,9 +98,9 @@ def quotient(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> Quotien
     # (a - R b)^2 <= aa - 2 R ab + R^2 bb
     square, half, rest = b * b - bb, a * b - ab, a * a - aa
     if square <= 0.0:
-        return Quotient(value, 0.0, math.inf)
+        return MeanRatio(value, 0.0, math.inf)
     root = math.sqrt(max(half * half - square * rest, 0.0))
-    return Quotient(value, max((half - root) / square, 0.0), (half + root) / square)
+    return MeanRatio(value, max((half - root) / square, 0.0), (half + root) / square)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,37 +109,37 @@ class ComparedFigure:
 
     title: str
     baseline: str
-    mine: float
-    its: float
-    unsure: float  # difference that noise leaves open
+    model_value: float
+    baseline_value: float
+    uncertainty: float  # difference that noise leaves open
 
     @property
-    def less(self) -> bool:
+    def is_better(self) -> bool:
         """Whether it is certain that there is a gain."""
-        return self.its - self.mine > self.unsure
+        return self.baseline_value - self.model_value > self.uncertainty
 
     @property
-    def more(self) -> bool:
+    def is_worse(self) -> bool:
         """Whether it is certain that there is a loss."""
-        return self.mine - self.its > self.unsure
+        return self.model_value - self.baseline_value > self.uncertainty
 
     @property
     def ratio(self) -> float:
         """Figure of the model over that of the baseline; nan where neither leaves anything."""
-        if self.its != 0.0:
-            return self.mine / self.its
-        return math.nan if self.mine == 0.0 else math.inf
+        if self.baseline_value != 0.0:
+            return self.model_value / self.baseline_value
+        return math.nan if self.model_value == 0.0 else math.inf
 
 
 def compare(
-    title: str, baseline: str, mine: Interval, its: Interval, floor: float = 0.0
+    title: str, baseline: str, model_value: Interval, baseline_value: Interval, floor: float = 0.0
 ) -> ComparedFigure:
     """Compare two means, beyond a floor and what noise of both, taken as independent, leaves open."""
-    unsure = max(floor, math.hypot(mine.half_width, its.half_width))
-    return ComparedFigure(title, baseline, mine.mean, its.mean, unsure)
+    uncertainty = max(floor, math.hypot(model_value.half_width, baseline_value.half_width))
+    return ComparedFigure(title, baseline, model_value.mean, baseline_value.mean, uncertainty)
 
 
-def strongest(figures: Mapping[MethodName, Interval]) -> MethodName | None:
+def strongest_baseline(figures: Mapping[MethodName, Interval]) -> MethodName | None:
     """Return the baseline with the least mean; None where none has one."""
     names = [
         name
@@ -159,65 +159,77 @@ class Judgement:
     @property
     def sentence(self) -> str:
         """All of it."""
-        return f"{TITLES[self.level]}: {self.text}"
+        return f"{VERDICT_TITLES[self.level]}: {self.text}"
 
 
-def judge(own: str, comparisons: Sequence[ComparedFigure], what: str, instead: str) -> Judgement:
+def judge_against_baselines(
+    model: str, comparisons: Sequence[ComparedFigure], noun: str, condition: str
+) -> Judgement:
     """Judge a model against the strongest baselines; ``instead`` says where it would pay."""
-    verdict = weigh(own, comparisons, what)
+    verdict = judge_comparisons(model, comparisons, noun)
     if verdict.level == "unknown":
         return verdict
-    text = f"{own} against the strongest baseline without hysteresis model, {verdict.text}"
-    return Judgement(verdict.level, text if verdict.level == "yes" else f"{text}; {instead}")
+    text = f"{model} against the strongest baseline without hysteresis model, {verdict.text}"
+    return Judgement(verdict.level, text if verdict.level == "yes" else f"{text}; {condition}")
 
 
-def weigh(own: str, comparisons: Sequence[ComparedFigure], what: str) -> Judgement:
+def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: str) -> Judgement:
     """Say in which figures a model is certainly less, more or alike, whatever it is compared with."""
-    known = [
+    comparable = [
         comparison
         for comparison in comparisons
-        if not math.isnan(comparison.ratio) or comparison.its == comparison.mine
+        if not math.isnan(comparison.ratio) or comparison.baseline_value == comparison.model_value
     ]
-    if not known:
-        return Judgement("unknown", f"{own} was compared with nothing")
-    less = [comparison for comparison in known if comparison.less]
-    more = [comparison for comparison in known if comparison.more]
-    level: Level = "no" if not less else "mixed" if more else "yes"
-    alike = [comparison for comparison in known if not comparison.less and not comparison.more]
+    if not comparable:
+        return Judgement("unknown", f"{model} was compared with nothing")
+    better = [comparison for comparison in comparable if comparison.is_better]
+    worse = [comparison for comparison in comparable if comparison.is_worse]
+    level: Level = "no" if not better else "mixed" if worse else "yes"
+    equal = [
+        comparison
+        for comparison in comparable
+        if not comparison.is_better and not comparison.is_worse
+    ]
     parts = [
-        f"{word} {_listed(ones, len(known), what)}"
-        for word, ones in (("less:", less), ("more:", more), ("alike within the noise:", alike))
-        if ones
+        f"{word} {_format_comparisons(group, len(comparable), noun)}"
+        for word, group in (("less:", better), ("more:", worse), ("alike within the noise:", equal))
+        if group
     ]
     return Judgement(level, "; ".join(parts))
 
 
-def _listed(comparisons: Sequence[ComparedFigure], count: int, what: str) -> str:
+def _format_comparisons(comparisons: Sequence[ComparedFigure], count: int, noun: str) -> str:
     """Name figures with their parts of the baseline's, or count them."""
-    if count > LISTED:
+    if count > MAX_LISTED:
         names = " or ".join(dict.fromkeys(f"'{comparison.baseline}'" for comparison in comparisons))
         parts = sorted(
             comparison.ratio for comparison in comparisons if math.isfinite(comparison.ratio)
         )
-        span = f", {_span(parts[0], parts[-1])} of {names}" if parts else f", against {names}"
-        return f"{len(comparisons)} of {count} {what}{span}"
-    named: dict[str, list[str]] = {}
-    for comparison in comparisons:
-        named.setdefault(comparison.baseline, []).append(
-            f"{comparison.title} {_part(comparison.ratio)}"
+        span = (
+            f", {_format_range(parts[0], parts[-1])} of {names}" if parts else f", against {names}"
         )
-    return ", ".join(f"{', '.join(parts)} of '{name}'" for name, parts in named.items())
+        return f"{len(comparisons)} of {count} {noun}{span}"
+    by_baseline: dict[str, list[str]] = {}
+    for comparison in comparisons:
+        by_baseline.setdefault(comparison.baseline, []).append(
+            f"{comparison.title} {_format_ratio(comparison.ratio)}"
+        )
+    return ", ".join(f"{', '.join(parts)} of '{name}'" for name, parts in by_baseline.items())
 
 
-def _part(ratio: float) -> str:
+def _format_ratio(ratio: float) -> str:
     return f"{ratio:.2g}" if math.isfinite(ratio) else "0" if math.isnan(ratio) else "more than 0"
 
 
-def _span(low: float, high: float) -> str:
-    return _part(low) if _part(low) == _part(high) else f"{_part(low)} to {_part(high)}"
+def _format_range(low: float, high: float) -> str:
+    return (
+        _format_ratio(low)
+        if _format_ratio(low) == _format_ratio(high)
+        else f"{_format_ratio(low)} to {_format_ratio(high)}"
+    )
 
 
-FIGURES = "figures.json"
+FIGURES_FILE = "figures.json"
 """What is written beside a recording."""
 
 
@@ -231,7 +243,7 @@ class Metric:
     factor: float = 1.0  # from SI to that
 
     @property
-    def head(self) -> str:
+    def heading(self) -> str:
         """Of a table: title and unit."""
         return f"{self.title} ({self.unit})" if self.unit else self.title
 
@@ -246,16 +258,16 @@ class CaseFigures:
     runs: int
 
     @classmethod
-    def over(cls, runs: Sequence[Mapping[str, float] | None], **where: Any) -> Self:
+    def summarise(cls, runs: Sequence[Mapping[str, float] | None], **extra_fields: Any) -> Self:
         """Sum up runs, one a seed; None stands for one in which the loop was lost."""
-        held = [run for run in runs if run is not None]
-        names = held[0] if len(held) == len(runs) else ()
-        figures = {name: mean_interval([run[name] for run in held]) for name in names}
-        return cls(figures=figures, lost=len(runs) - len(held), runs=len(runs), **where)
+        completed = [run for run in runs if run is not None]
+        names = completed[0] if len(completed) == len(runs) else ()
+        figures = {name: mean_interval([run[name] for run in completed]) for name in names}
+        return cls(figures=figures, lost=len(runs) - len(completed), runs=len(runs), **extra_fields)
 
-    def of(self, key: str) -> Interval:
+    def interval(self, key: str) -> Interval:
         """Return a figure; one without a mean if the loop was lost in any run."""
-        return self.figures.get(key) or no_mean(self.lost, self.runs)
+        return self.figures.get(key) or lost_interval(self.lost, self.runs)
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as files hold it."""
@@ -263,10 +275,10 @@ class CaseFigures:
         return {"lost": self.lost, "runs": self.runs, **figures}
 
 
-def keep_lost(recording: Recording, out: PathLike) -> None:
+def save_lost_run(recording: Recording, out: PathLike) -> None:
     """Keep the recording of a loop that was lost, and no figures of another one beside it."""
     recording.save(out)
-    (Path(out).parent / FIGURES).unlink(missing_ok=True)
+    (Path(out).parent / FIGURES_FILE).unlink(missing_ok=True)
 
 
 Cases = Mapping[str, Mapping[MethodName, CaseFigures]]

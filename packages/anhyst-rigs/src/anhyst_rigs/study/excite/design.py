@@ -19,12 +19,18 @@ from anhyst.support.units import QUANTITIES
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.case_table import ScanCase
 from anhyst_rigs.rig.file import RigFile
-from anhyst_rigs.rig.force.file import Rig
+from anhyst_rigs.rig.force.file import ForceControlRig
 from anhyst_rigs.rig.measurement_table import ExciteTable, MeasurementTable
-from anhyst_rigs.rig.measuring import FAST_CYCLES, FAST_SAMPLES, HeldBearing, HeldRig, straight
+from anhyst_rigs.rig.measuring import (
+    FAST_CYCLES,
+    SAMPLES_PER_FAST_CYCLE,
+    HeldBearing,
+    HeldRig,
+    sweep_path,
+)
 from anhyst_rigs.rig.piezo import PiezoRig
 
-MARGIN = 0.95
+MAX_WARMTH = 0.95
 """Share of the warmth that trips, up to which a drive is designed."""
 
 
@@ -36,36 +42,38 @@ class Winding:
     that flows for ever is just allowed.
     """
 
-    continuous: float  # current that may flow for ever, A
-    time: float  # time constant, s
+    continuous_current: float  # current that may flow for ever, A
+    time_constant: float  # time constant, s
 
-    def along(self, current: FloatArray, dt: float, before: float = 0.0) -> FloatArray:
+    def warmth_along(
+        self, current: FloatArray, dt: float, initial_warmth: float = 0.0
+    ) -> FloatArray:
         """Return the warmth after each sample of a current, A, in steps of `dt`, s."""
         from scipy.signal import lfilter  # slow to load, and used here alone
 
-        kept = math.exp(-dt / self.time)
-        heat = (1.0 - kept) * np.square(current / self.continuous)
-        warmth: FloatArray = lfilter([1.0], [1.0, -kept], heat, zi=[kept * before])[0]
+        decay = math.exp(-dt / self.time_constant)
+        heat = (1.0 - decay) * np.square(current / self.continuous_current)
+        warmth: FloatArray = lfilter([1.0], [1.0, -decay], heat, zi=[decay * initial_warmth])[0]
         return warmth
 
-    def start(self, current: FloatArray, dt: float) -> float:
+    def max_start_warmth(self, current: FloatArray, dt: float) -> float:
         """Return the warmth from which a current just stays allowed; negative where none does."""
-        cold = self.along(current, dt)
-        left = np.exp(-dt / self.time * np.arange(1, current.size + 1))
-        return float(np.min((MARGIN - cold) / left))
+        warmth_from_cold = self.warmth_along(current, dt)
+        decay = np.exp(-dt / self.time_constant * np.arange(1, current.size + 1))
+        return float(np.min((MAX_WARMTH - warmth_from_cold) / decay))
 
-    def rest(self, before: float, after: float) -> float:
+    def rest_time(self, before: float, after: float) -> float:
         """Return the seconds without current from one warmth to a lower one, above 0."""
-        return max(0.0, self.time * math.log(before / after)) if before > after else 0.0
+        return max(0.0, self.time_constant * math.log(before / after)) if before > after else 0.0
 
 
-SENSOR = 0.95
+SENSOR_RANGE_RATIO = 0.95
 """Share of the range of a sensor that is used."""
-SWEEP_S = 1.0
+DEFAULT_SWEEP_S = 1.0
 """From no current to the largest one, where no [measurement] says how fast."""
-SAMPLES = 100
+SAMPLES_PER_SWEEP = 100
 """Of such a sweep."""
-CYCLES = 3
+CONDITIONING_CYCLES = 3
 """Of conditioning, where no [measurement] says how many."""
 
 
@@ -85,23 +93,25 @@ class Specimen:
     places of current and force.
     """
 
-    held: HeldRig | None  # the rig, its armature held; none of a piezo stage
+    held_rig: HeldRig | None  # the rig, its armature held; none of a piezo stage
     gaps: tuple[float, ...]  # where it is held, m; none of a piezo stage
-    operating: Bound  # force about which inner loops are run, N
-    current: Bound  # largest current, A; its fastest change, A/s; largest force, N
-    rate: Bound
-    force: Bound
-    lowest: float  # lowest current of the amplifier, A
+    operating_force: Bound  # force about which inner loops are run, N
+    max_current: Bound  # largest current, A; its fastest change, A/s; largest force, N
+    max_rate: Bound
+    max_force: Bound
+    min_current: float  # lowest current of the amplifier, A
     winding: Winding | None  # none where the rig file says nothing about its temperature
-    sweep: float  # wanted rate of the current, A/s
-    sample: float  # wanted time from row to row, s
-    cycles: int  # of conditioning
-    pause: float  # to set the next gap, s
-    fast: tuple[float, ...] = ()  # wanted rates of full cycles besides, A/s
-    hurry: float = 0.0  # fastest change of the force that is asked for, N/s; 0 where none is known
+    sweep_rate: float  # wanted rate of the current, A/s
+    sample_s: float  # wanted time from row to row, s
+    conditioning_cycles: int  # of conditioning
+    pause_s: float  # to set the next gap, s
+    fast_rates: tuple[float, ...] = ()  # wanted rates of full cycles besides, A/s
+    demanded_force_rate: float = (
+        0.0  # fastest change of the force that is asked for, N/s; 0 where none is known
+    )
     drive: str = "current"  # quantities of the loops
     output: str = "force"
-    both_ways: bool = False  # whether the current goes as far below zero as above
+    is_bipolar: bool = False  # whether the current goes as far below zero as above
 
     @property
     def units(self) -> tuple[str, str]:
@@ -113,86 +123,98 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
     """Return the first magnet of a body; it must be whole."""
     settings = rig.settings
     amplifier, excite, campaign = settings.amplifier, settings.excite, settings.measurement
-    poles, read, force = settings.magnet.poles, settings.current_sensor, settings.force_sensor
+    poles, current_sensor, force_sensor = (
+        settings.magnet.poles,
+        settings.current_sensor,
+        settings.force_sensor,
+    )
     currents = [
         Bound(amplifier.current_high_A, "amplifier.current_high_A"),
-        Bound(SENSOR * read.high_A, "current_sensor.high_A"),
+        Bound(SENSOR_RANGE_RATIO * current_sensor.high_A, "current_sensor.high_A"),
     ]
-    forces = [Bound(SENSOR * force.high_N, "force_sensor.high_N")]
-    if settings.magnet.both_ways:
+    forces = [Bound(SENSOR_RANGE_RATIO * force_sensor.high_N, "force_sensor.high_N")]
+    if settings.magnet.is_bidirectional:
         currents += [
             Bound(-amplifier.current_low_A, "amplifier.current_low_A"),
-            Bound(-SENSOR * read.low_A, "current_sensor.low_A"),
+            Bound(-SENSOR_RANGE_RATIO * current_sensor.low_A, "current_sensor.low_A"),
         ]
-        forces.append(Bound(-SENSOR * force.low_N, "force_sensor.low_N"))
-    spare = amplifier.supply - poles.resistance * campaign.current_max_A
+        forces.append(Bound(-SENSOR_RANGE_RATIO * force_sensor.low_N, "force_sensor.low_N"))
+    spare_voltage = amplifier.supply - poles.resistance * campaign.current_max_A
     gaps = tuple(excite.gaps_m or campaign.gaps_m)
-    whole = _specimen(
+    specimen = _make_specimen(
         HeldBearing(rig),
         gaps,
         excite,
         campaign,
-        operating=_operating(rig),
+        operating_force=_default_operating_force(rig),
         currents=currents,
-        lowest=max(amplifier.current_low_A, SENSOR * read.low_A),
-        rate=Bound(spare / poles.inductance(min(gaps)), "amplifier.supply_V"),
-        sensor=min(forces, key=lambda limit: limit.value),
+        min_current=max(amplifier.current_low_A, SENSOR_RANGE_RATIO * current_sensor.low_A),
+        supply_rate=Bound(spare_voltage / poles.inductance(min(gaps)), "amplifier.supply_V"),
+        sensor_force=min(forces, key=lambda limit: limit.value),
     )
     return replace(
-        whole,
-        fast=tuple(campaign.fast_A_per_s),
-        hurry=_hurry(settings),
+        specimen,
+        fast_rates=tuple(campaign.fast_A_per_s),
+        demanded_force_rate=_demanded_force_rate(settings),
         output=settings.magnet.output,
-        both_ways=settings.magnet.both_ways,
+        is_bipolar=settings.magnet.is_bidirectional,
     )
 
 
-def _hurry(file: RigFile) -> float:
+def _demanded_force_rate(file: RigFile) -> float:
     """Return how fast the set-point of a stage changes the force, N/s; 0 of what has none."""
     scan = next((case for case in file.cases if isinstance(case, ScanCase)), None)
     if scan is None:
         return 0.0
-    rise = scan.jerk_phase_s - scan.snap_phase_s  # at constant jerk, as if all of it were
-    return file.body.mass_kg * max(*scan.train_m_per_s2, *scan.test_m_per_s2) / rise
+    rise_s = scan.jerk_phase_s - scan.snap_phase_s  # at constant jerk, as if all of it were
+    return file.body.mass_kg * max(*scan.train_m_per_s2, *scan.test_m_per_s2) / rise_s
 
 
-def _operating(rig: BodyRig) -> Bound:
+def _default_operating_force(rig: BodyRig) -> Bound:
     """Return the force about which a magnet of a body works, where the file does not say."""
-    most = getattr(rig.settings.control, "force_max_N", None)
-    if most is not None:
-        return Bound(0.5 * most, "control.force_max_N")
+    force_max = getattr(rig.settings.control, "force_max_N", None)
+    if force_max is not None:
+        return Bound(0.5 * force_max, "control.force_max_N")
     bias = rig.settings.bias_N
-    return Bound(abs(rig.load), "load.force_N") if bias is None else Bound(bias, "control.bias_N")
+    return (
+        Bound(abs(rig.static_load), "load.force_N")
+        if bias is None
+        else Bound(bias, "control.bias_N")
+    )
 
 
-def force_specimen(rig: Rig) -> Specimen:
+def force_specimen(rig: ForceControlRig) -> Specimen:
     """Return the actuator of a force rig; its magnet must be whole."""
     settings = rig.settings
     amplifier, excite, force = settings.amplifier, settings.excite, settings.force
     file = rig.solenoid_file
     campaign = None if file is None else file.measurement
-    usual = sorted({force.end_m, *settings.held.gaps_m}) if campaign is None else campaign.gaps_m
-    return _specimen(
+    default_gaps = (
+        sorted({force.end_m, *settings.held_case.gaps_m}) if campaign is None else campaign.gaps_m
+    )
+    return _make_specimen(
         rig,
-        tuple(excite.gaps_m or usual),
+        tuple(excite.gaps_m or default_gaps),
         excite,
         campaign,
-        operating=Bound(0.5 * force.force_max_N, "control.force_max_N"),
+        operating_force=Bound(0.5 * force.force_max_N, "control.force_max_N"),
         currents=[
             Bound(amplifier.current_high_A, "amplifier.current_high_A"),
-            Bound(SENSOR * settings.current_sensor.high_A, "current_sensor.high_A"),
+            Bound(SENSOR_RANGE_RATIO * settings.current_sensor.high_A, "current_sensor.high_A"),
         ],
-        lowest=0.0,
-        rate=Bound(amplifier.slew, "amplifier.slew_A_per_s"),
-        sensor=Bound(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
+        min_current=0.0,
+        supply_rate=Bound(amplifier.slew, "amplifier.slew_A_per_s"),
+        sensor_force=Bound(
+            SENSOR_RANGE_RATIO * settings.force_sensor.high_N, "force_sensor.high_N"
+        ),
     )
 
 
-STACK_CYCLE_S = 1.0
+MIN_STACK_CYCLE_S = 1.0
 """Fastest slow cycle of a piezo stage, over the whole range of its amplifier."""
-RINGS = 80.0
+RESONANCE_PERIODS_PER_CYCLE = 80.0
 """Periods of its resonance in the fastest cycle: it rings by 0.8 % of the stroke where it turns."""
-FASTER = 5.0
+FAST_RATE_RATIO = 5.0
 """Fast cycles of a piezo stage over slow ones: two speeds tell a lag from a wider loop."""
 STACK_PAUSE_S = 30.0
 """At 0 V before each record of a piezo stage: the creep of its conditioning is gone."""
@@ -200,98 +222,100 @@ STACK_PAUSE_S = 30.0
 
 def stack_specimen(rig: PiezoRig) -> Specimen:
     """Return a piezo stage, driven from 0 V: its amplifier limits it, and its resonance the speed."""
-    amplifier, moved = rig.settings.stack_amplifier, rig.settings.moved
+    amplifier, moved = rig.settings.stack_amplifier, rig.settings.displacement_case
     if amplifier.low_V > 0.0:
         raise InputError(
             "amplifier.low_V: a stack is measured from long rest at 0 V; lower it to 0 or less",
             code="out-of-range",
             key="amplifier.low_V",
-        ).at(rig.path)
+        ).with_location(rig.path)
     cycle = 2.0 * amplifier.high_V  # V
-    rate = cycle * rig.settings.flexure.resonance_Hz / RINGS
-    sweep = min(cycle / STACK_CYCLE_S, rate / FASTER)
+    rate = cycle * rig.settings.flexure.resonance_Hz / RESONANCE_PERIODS_PER_CYCLE
+    sweep = min(cycle / MIN_STACK_CYCLE_S, rate / FAST_RATE_RATIO)
     return Specimen(
-        held=None,
+        held_rig=None,
         gaps=(),
-        operating=Bound(moved.low_m + 0.5 * moved.stroke_m, "case.stroke_m"),
-        current=Bound(amplifier.high_V, "amplifier.high_V"),
-        rate=Bound(rate, "body.resonance_Hz"),
-        force=Bound(math.inf, "sensor"),
-        lowest=amplifier.low_V,
+        operating_force=Bound(moved.low_m + 0.5 * moved.stroke_m, "case.stroke_m"),
+        max_current=Bound(amplifier.high_V, "amplifier.high_V"),
+        max_rate=Bound(rate, "body.resonance_Hz"),
+        max_force=Bound(math.inf, "sensor"),
+        min_current=amplifier.low_V,
         winding=None,
-        sweep=sweep,
-        sample=cycle / (FAST_SAMPLES * FASTER * sweep),
-        cycles=CYCLES,
-        pause=STACK_PAUSE_S,
-        fast=(FASTER * sweep,),
+        sweep_rate=sweep,
+        sample_s=cycle / (SAMPLES_PER_FAST_CYCLE * FAST_RATE_RATIO * sweep),
+        conditioning_cycles=CONDITIONING_CYCLES,
+        pause_s=STACK_PAUSE_S,
+        fast_rates=(FAST_RATE_RATIO * sweep,),
         drive="voltage",
         output="displacement",
     )
 
 
-def _specimen(
-    held: HeldRig,
+def _make_specimen(
+    held_rig: HeldRig,
     gaps: tuple[float, ...],
     excite: ExciteTable,
     campaign: MeasurementTable | None,
     *,
-    operating: Bound,
+    operating_force: Bound,
     currents: list[Bound],
-    lowest: float,
-    rate: Bound,
-    sensor: Bound,
+    min_current: float,
+    supply_rate: Bound,
+    sensor_force: Bound,
 ) -> Specimen:
     """Take the tightest of what the instruments, [measurement] and [excite] say."""
     if campaign is not None:
         currents.append(Bound(campaign.current_max_A, "measurement.current_max_A"))
-    currents += _given(excite.current_max_A, "current_max_A")
+    currents += _optional_bound(excite.current_max_A, "current_max_A")
     current = min(currents, key=lambda limit: limit.value)
-    rates = [rate, *_given(excite.rate_max_A_per_s, "rate_max_A_per_s")]
-    forces = [sensor, *_given(excite.force_max_N, "force_max_N")]
+    rates = [supply_rate, *_optional_bound(excite.rate_max_A_per_s, "rate_max_A_per_s")]
+    forces = [sensor_force, *_optional_bound(excite.force_max_N, "force_max_N")]
     winding = None
     if excite.continuous_A is not None and excite.thermal_s is not None:
         winding = Winding(excite.continuous_A, excite.thermal_s)
-    operatings = [*_given(excite.operating_N, "operating_N"), operating]
+    operatings = [*_optional_bound(excite.operating_N, "operating_N"), operating_force]
     return Specimen(
-        held=held,
+        held_rig=held_rig,
         gaps=gaps,
-        operating=operatings[0],
-        current=current,
-        rate=min(rates, key=lambda limit: limit.value),
-        force=min(forces, key=lambda limit: limit.value),
-        lowest=lowest,
+        operating_force=operatings[0],
+        max_current=current,
+        max_rate=min(rates, key=lambda limit: limit.value),
+        max_force=min(forces, key=lambda limit: limit.value),
+        min_current=min_current,
         winding=winding,
-        sweep=current.value / SWEEP_S if campaign is None else campaign.sweep_A_per_s,
-        sample=SWEEP_S / SAMPLES if campaign is None else campaign.sample_s,
-        cycles=CYCLES if campaign is None else campaign.conditioning_cycles,
-        pause=0.0 if campaign is None else campaign.pause_s,
+        sweep_rate=current.value / DEFAULT_SWEEP_S if campaign is None else campaign.sweep_A_per_s,
+        sample_s=DEFAULT_SWEEP_S / SAMPLES_PER_SWEEP if campaign is None else campaign.sample_s,
+        conditioning_cycles=CONDITIONING_CYCLES
+        if campaign is None
+        else campaign.conditioning_cycles,
+        pause_s=0.0 if campaign is None else campaign.pause_s,
     )
 
 
-def _given(value: float | None, key: str) -> list[Bound]:
+def _optional_bound(value: float | None, key: str) -> list[Bound]:
     return [] if value is None else [Bound(value, f"excite.{key}")]
 
 
-MAJOR = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25)
+MAJOR_LOOP_ENDS = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25)
 """Ends of nested major loops, from no current or from as far below zero."""
-REVERSALS = (0.9, 0.75, 0.5, 0.25)
+REVERSAL_RATIOS = (0.9, 0.75, 0.5, 0.25)
 """From where first-order reversal curves come, and where they turn. Those of the rising side are the
 major loops, which turn at each of their upper ends."""
-BELOW = (0.3, 0.2, 0.1, 0.05)
+MINOR_SWINGS_FROM_ZERO = (0.3, 0.2, 0.1, 0.05)
 """Swings of inner loops about the operating point, to either side, coming from no current."""
-ABOVE = (0.35, 0.25, 0.15, 0.1)
+MINOR_SWINGS_FROM_PEAK = (0.35, 0.25, 0.15, 0.1)
 """The same after the largest current."""
-INNER = (0.2, 0.8)
+OPERATING_RANGE = (0.2, 0.8)
 """Least and largest operating current about which they are run."""
-DEMAGNETISE = (0.85, 0.01)
+DEMAGNETISING_DECAY = (0.85, 0.01)
 """Of a decaying sine: each half-swing over the one before, and the last over the first."""
-SETTLE = (0.7, 0.08)
+SETTLING_DECAY = (0.7, 0.08)
 """The same about the operating point."""
-COOL = 0.1
+MIN_START_WARMTH = 0.1
 """Warmth from which every record can be begun."""
-SHORTER = 0.97
+PEAK_REDUCTION = 0.97
 """By which the largest current is lowered until the winding stays cool enough."""
-LEAST = 0.25
+MIN_PEAK_RATIO = 0.25
 """Largest current, of that which is wanted, below which loops are not worth it."""
 
 
@@ -300,131 +324,153 @@ class Record:
     """One record: what puts the iron into a known state, and what is then measured."""
 
     name: str
-    before: tuple[float, ...]  # turning points on the way to the first sample, A
+    approach_reversals: tuple[float, ...]  # turning points on the way to the first sample, A
     approach: FloatArray  # the same, sample by sample, A
     path: FloatArray  # currents that are recorded, A
     history: History  # what the approach leaves
-    sample: float  # from one of them to the next, s
-    fast: bool = False  # whether what their speed induces is to show
+    sample_s: float  # from one of them to the next, s
+    is_fast: bool = False  # whether what their speed induces is to show
 
-    def whole(self, sample: float) -> FloatArray:
+    def full_path(self, sample: float) -> FloatArray:
         """Approach and record, A."""
-        return np.concatenate([self.approach, self.counted(sample)])
+        return np.concatenate([self.approach, self.heating_path(sample)])
 
-    def counted(self, sample: float) -> FloatArray:
+    def heating_path(self, sample: float) -> FloatArray:
         """Return the record in samples of so many seconds, A: a fast one as its largest current."""
-        if not self.fast:
+        if not self.is_fast:
             return self.path
-        count = math.ceil(self.path.size * self.sample / sample)
+        count = math.ceil(self.path.size * self.sample_s / sample)
         return np.full(count, float(np.max(np.abs(self.path))))
 
 
-def decaying(middle: float, first: float, decay: tuple[float, float]) -> list[float]:
+def decaying_reversals(
+    centre: float, first_swing: float, decay: tuple[float, float]
+) -> list[float]:
     """Return the turning points of a decaying sine about a current, A, which ends there."""
-    each, last = decay
-    count = math.ceil(math.log(last) / math.log(each))
-    swings = [middle + first * (-each) ** number for number in range(count + 1)]
-    return [*swings, middle]
+    ratio, last_swing = decay
+    count = math.ceil(math.log(last_swing) / math.log(ratio))
+    swings = [centre + first_swing * (-ratio) ** number for number in range(count + 1)]
+    return [*swings, centre]
 
 
-def swinging(turns: Sequence[float], step: float) -> FloatArray:
+def sine_path(reversals: Sequence[float], step: float) -> FloatArray:
     """Go from turning point to turning point as a sine does, in steps of at most this size, A."""
-    parts = [np.array(turns[:1])]
-    for begin, end in pairwise(turns):
+    parts = [np.array(reversals[:1])]
+    for begin, end in pairwise(reversals):
         count = max(math.ceil(0.5 * math.pi * abs(end - begin) / step), 1)
         phase = np.arange(1, count + 1) / count
         parts.append(begin + (end - begin) * 0.5 * (1.0 - np.cos(math.pi * phase)))
     return np.concatenate(parts)
 
 
-def demagnetises(specimen: Specimen, peak: float) -> bool:
+def can_demagnetise(specimen: Specimen, peak: float) -> bool:
     """Whether the amplifier drives as far below zero as above."""
-    return specimen.lowest <= -peak
+    return specimen.min_current <= -peak
 
 
-def step_of(specimen: Specimen) -> float:
+def current_step(specimen: Specimen) -> float:
     """Return the change of current from sample to sample, A: as wanted, or as fast as is allowed."""
-    return min(specimen.sweep, specimen.rate.value) * specimen.sample
+    return min(specimen.sweep_rate, specimen.max_rate.value) * specimen.sample_s
 
 
-def records(specimen: Specimen, peak: float, operating: float) -> list[Record]:
+def design_records(specimen: Specimen, peak: float, operating: float) -> list[Record]:
     """Return what is run at a gap."""
-    step = step_of(specimen)
-    if demagnetises(specimen, peak):
-        before = [0.0, *decaying(0.0, peak, DEMAGNETISE)]
-        approach, history = swinging(before, step), DEMAGNETISED
+    step = current_step(specimen)
+    if can_demagnetise(specimen, peak):
+        approach_reversals = [0.0, *decaying_reversals(0.0, peak, DEMAGNETISING_DECAY)]
+        approach, history = sine_path(approach_reversals, step), DEMAGNETISED
     else:
-        before = [0.0, *[peak, 0.0] * specimen.cycles]
-        approach, history = straight(before, step), History("conditioned", tuple(before))
-    least = -peak if specimen.both_ways else 0.0
-    first, *reversals = (least + share * (peak - least) for share in REVERSALS)
-    major = [turn for share in MAJOR for turn in (share * peak, share * least)]
-    curves = [turn for reversal in reversals for turn in (reversal, first)]
+        approach_reversals = [0.0, *[peak, 0.0] * specimen.conditioning_cycles]
+        approach, history = (
+            sweep_path(approach_reversals, step),
+            History("conditioned", tuple(approach_reversals)),
+        )
+    lower_end = -peak if specimen.is_bipolar else 0.0
+    first_reversal, *reversals = (
+        lower_end + share * (peak - lower_end) for share in REVERSAL_RATIOS
+    )
+    major = [turn for share in MAJOR_LOOP_ENDS for turn in (share * peak, share * lower_end)]
+    curves = [turn for reversal in reversals for turn in (reversal, first_reversal)]
     paths = {
-        "major": straight([0.0, *major], step),
-        "reversal": straight([0.0, first, *curves, 0.0], step),
-        "above": straight([0.0, peak, least, *_inner(peak, operating, ABOVE), 0.0], step),
-        "below": _below(peak, operating, step),
+        "major": sweep_path([0.0, *major], step),
+        "reversal": sweep_path([0.0, first_reversal, *curves, 0.0], step),
+        "above": sweep_path(
+            [
+                0.0,
+                peak,
+                lower_end,
+                *_minor_loop_reversals(peak, operating, MINOR_SWINGS_FROM_PEAK),
+                0.0,
+            ],
+            step,
+        ),
+        "below": _path_from_zero(peak, operating, step),
     }
-    begun = tuple(before), approach
-    found = [Record(name, *begun, path, history, specimen.sample) for name, path in paths.items()]
-    cycles = straight([0.0, *[peak, 0.0] * FAST_CYCLES], 2.0 * peak / FAST_SAMPLES)
-    for speed in speeds_of(specimen):
-        sample = 2.0 * peak / (FAST_SAMPLES * speed)
+    beginning = tuple(approach_reversals), approach
+    records = [
+        Record(name, *beginning, path, history, specimen.sample_s) for name, path in paths.items()
+    ]
+    cycles = sweep_path([0.0, *[peak, 0.0] * FAST_CYCLES], 2.0 * peak / SAMPLES_PER_FAST_CYCLE)
+    for speed in fast_cycle_rates(specimen):
+        sample = 2.0 * peak / (SAMPLES_PER_FAST_CYCLE * speed)
         name = f"{speed:.4g}{specimen.units[0]}/s"
-        found.append(Record(name, *begun, cycles, history, sample, fast=True))
-    return found
+        records.append(Record(name, *beginning, cycles, history, sample, is_fast=True))
+    return records
 
 
-def speeds_of(specimen: Specimen) -> list[float]:
+def fast_cycle_rates(specimen: Specimen) -> list[float]:
     """Return the rates of full cycles besides, A/s, no faster than is allowed."""
-    return sorted({min(speed, specimen.rate.value) for speed in specimen.fast})
+    return sorted({min(speed, specimen.max_rate.value) for speed in specimen.fast_rates})
 
 
-def _inner(peak: float, operating: float, swings: Sequence[float]) -> list[float]:
+def _minor_loop_reversals(peak: float, operating: float, swings: Sequence[float]) -> list[float]:
     """Swing about a current, less and less, as far as there is room."""
-    room = min(operating, peak - operating)
-    sizes = [min(share * peak, room) for share in swings]
+    max_swing = min(operating, peak - operating)
+    sizes = [min(share * peak, max_swing) for share in swings]
     return [operating + side * size for size in sizes for side in (1.0, -1.0)]
 
 
-def _below(peak: float, operating: float, step: float) -> FloatArray:
+def _path_from_zero(peak: float, operating: float, step: float) -> FloatArray:
     """Swing about a current coming from below, settle there by a decaying sine, swing a little."""
-    inner = _inner(peak, operating, BELOW)
-    room = min(operating, peak - operating)
-    there = straight([0.0, *inner, operating], step)
-    settled = swinging([operating, *decaying(operating, room, SETTLE)], step)
-    back = straight([operating, *inner[-2:], *inner[-2:], 0.0], step)
-    return np.concatenate([there, settled[1:], back[1:]])
+    minor_loops = _minor_loop_reversals(peak, operating, MINOR_SWINGS_FROM_ZERO)
+    max_swing = min(operating, peak - operating)
+    approach = sweep_path([0.0, *minor_loops, operating], step)
+    settling = sine_path(
+        [operating, *decaying_reversals(operating, max_swing, SETTLING_DECAY)], step
+    )
+    second_loops = sweep_path([operating, *minor_loops[-2:], *minor_loops[-2:], 0.0], step)
+    return np.concatenate([approach, settling[1:], second_loops[1:]])
 
 
-def coolest_peak(specimen: Specimen) -> Bound:
+def find_thermal_peak(specimen: Specimen) -> Bound:
     """Return the largest current at which every record can be run, A, and what limits it."""
-    if not specimen.rate.value > 0.0:
+    if not specimen.max_rate.value > 0.0:
         raise InputError(
-            f"{specimen.rate.key}: the supply does not drive {specimen.current.value:g} A through "
+            f"{specimen.max_rate.key}: the supply does not drive {specimen.max_current.value:g} A through "
             "the winding; raise it or lower the largest current",
             code="supply-too-weak",
-            key=specimen.rate.key,
+            key=specimen.max_rate.key,
         )
-    highest, winding = specimen.current.value, specimen.winding
+    highest, winding = specimen.max_current.value, specimen.winding
     if winding is None:
-        return specimen.current
+        return specimen.max_current
     peak = highest
-    while peak >= LEAST * highest:
+    while peak >= MIN_PEAK_RATIO * highest:
         # An operating point at the upper end warms most.
-        hottest = records(specimen, peak, INNER[1] * peak)
+        hottest_records = design_records(specimen, peak, OPERATING_RANGE[1] * peak)
         if all(
-            winding.start(path.whole(specimen.sample), specimen.sample) >= COOL for path in hottest
+            winding.max_start_warmth(path.full_path(specimen.sample_s), specimen.sample_s)
+            >= MIN_START_WARMTH
+            for path in hottest_records
         ):
-            key = specimen.current.key if peak == highest else "excite.continuous_A"
+            key = specimen.max_current.key if peak == highest else "excite.continuous_A"
             return Bound(peak, key)
-        peak *= SHORTER
+        peak *= PEAK_REDUCTION
     raise InputError(
-        f"excite.continuous_A: a winding for {winding.continuous:g} A with a time constant of "
-        f"{winding.time:g} s becomes too warm in a record of {LEAST * highest:.3g} A, "
-        f"{100 * LEAST:.0f} % of {specimen.current.key}; measure faster (measurement.sweep_A_per_s)"
-        f", or correct continuous_A and thermal_s (I^2 t is kept below {100 * MARGIN:.0f} %)",
+        f"excite.continuous_A: a winding for {winding.continuous_current:g} A with a time constant of "
+        f"{winding.time_constant:g} s becomes too warm in a record of {MIN_PEAK_RATIO * highest:.3g} A, "
+        f"{100 * MIN_PEAK_RATIO:.0f} % of {specimen.max_current.key}; measure faster (measurement.sweep_A_per_s)"
+        f", or correct continuous_A and thermal_s (I^2 t is kept below {100 * MAX_WARMTH:.0f} %)",
         code="winding-too-warm",
         key="excite.continuous_A",
     )

@@ -24,50 +24,60 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import FluxFeedback, FusedInverse
 from anhyst.control.controller_file import ControllerTable
-from anhyst.support.kinds import PROBED, MethodName
+from anhyst.support.kinds import FLUX_PROBE_METHODS, MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.rig.bearing.loop import fit_magnets, pair_of
+from anhyst_rigs.rig.bearing.loop import fit_bearing_compensators, pair_table
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.calibration import CENTRE, CalibratedMethod, ParameterName
+from anhyst_rigs.rig.calibration import CENTRE_PARAMETERS, CalibratedMethod, ParameterName
 from anhyst_rigs.rig.drift import NO_DRIFT, Drift
-from anhyst_rigs.rig.fitting import IdentifiedMagnet, calibrated
-from anhyst_rigs.rig.recording import CURRENTS, HOVER, column, of_magnets
-from anhyst_rigs.rig.stage.calibrated import believed, per_root
-from anhyst_rigs.rig.stage.fitted import corrected, fit_method
+from anhyst_rigs.rig.fitting import IdentifiedMagnet, calibrate_magnet
+from anhyst_rigs.rig.recording import CURRENT_SIGNALS, HOVER_CODE, column_name, magnet_columns
+from anhyst_rigs.rig.stage.calibrated import assumed_rig, current_per_root_force
+from anhyst_rigs.rig.stage.fitted import apply_calibration, fit_method_compensator
 from anhyst_rigs.rig.stage.geometry import (
-    axes_of,
+    axis_indices,
     head_rows,
+    magnet_rows,
     mass_matrix,
-    pull_rows,
     scan_direction,
-    weight,
     weight_along_scan,
+    weight_wrench,
 )
 from anhyst_rigs.rig.stage.loop import StageSetup
 from anhyst_rigs.rig.stage.recording import demand_columns, pose_columns
 from anhyst_rigs.study.tracking.motion import (
-    DEAD,
-    UPDATES_HZ,
+    COMPARISON_RATE_HZ,
+    MIN_DEMAND_RATIO,
     ColumnFault,
     Motion,
     MotionLaw,
-    on_grid,
+    round_to_grid,
 )
 
-_STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE, 1e-3)}
+_DERIVATIVE_STEPS: Mapping[ParameterName, float] = {
+    "payload": 0.01,
+    **dict.fromkeys(CENTRE_PARAMETERS, 1e-3),
+}
 """By which a number of the body is moved for its derivative."""
-START_S = 0.01
+COMPARISON_START_S = 0.01
 """From when on anything is compared: the weight is taken up in one step, from which no supply lets
 the currents follow their commands."""
 
 
-STILL = 20
+SPEED_WINDOW_TICKS = 20
 """Ticks over which a speed is taken, to see whether a recording begins at rest."""
-LEARNT: tuple[MethodName, ...] = ("single-valued", "play", "at-rest", "full", "flux", "fused")
+CALIBRATABLE_METHODS: tuple[MethodName, ...] = (
+    "single-valued",
+    "play",
+    "at-rest",
+    "full",
+    "flux",
+    "fused",
+)
 """Methods that a motion can correct."""
-_NOT_OF: Mapping[MethodName, tuple[str, ...]] = {
+_UNUSED_PARAMETERS: Mapping[MethodName, tuple[str, ...]] = {
     "single-valued": ("width",),
-    **dict.fromkeys(PROBED, ("gap_zero", "width", "lag")),
+    **dict.fromkeys(FLUX_PROBE_METHODS, ("gap_zero", "width", "lag")),
 }
 """Numbers that a method has no use for, by what they begin with."""
 
@@ -77,81 +87,97 @@ class StageMotion(Motion):
     """What was read while a stage moved, a number a coordinate a tick."""
 
     @property
-    def rows(self) -> int:
+    def comparisons_per_tick(self) -> int:
         """Coordinates."""
         return len(self.rig.settings.body.free)
 
-    def in_newtons(self, wrench: FloatArray, late: float = 0.0) -> FloatArray:
+    def filter_wrench(self, wrench: FloatArray, delay_ticks: float = 0.0) -> FloatArray:
         """Return a wrench a tick through the filter, moments by the radius of gyration, in a row."""
-        passed = [self.filtered(one, late) for one in (wrench / self.radii).T]
+        passed = [
+            self.filter_force(component, delay_ticks)
+            for component in (wrench / self.gyration_radii).T
+        ]
         return np.column_stack(passed).ravel()
 
     @cached_property
-    def radii(self) -> FloatArray:
+    def gyration_radii(self) -> FloatArray:
         """By which moments count, m; 1 along a coordinate."""
         body = self.rig.settings.body
-        radii = [math.sqrt(one / body.mass_kg) for one in body.inertia_kg_m2 or [1.0] * 3]
-        return np.array([1.0, 1.0, 1.0, *radii])[axes_of(self.rig.settings)]
+        radii = [math.sqrt(inertia / body.mass_kg) for inertia in body.inertia_kg_m2 or [1.0] * 3]
+        return np.array([1.0, 1.0, 1.0, *radii])[axis_indices(self.rig.settings)]
 
     @cached_property
     def _pose(self) -> FloatArray:
         columns = pose_columns(self.rig.settings.body.free)
-        return np.column_stack([self.read[name] for name in columns])
+        return np.column_stack([self.columns[name] for name in columns])
 
     @cached_property
     def _acceleration(self) -> FloatArray:
-        moved = np.zeros_like(self._pose)
-        moved[1:-1] = np.diff(self._pose, 2, axis=0) / self.rig.dt**2
-        return moved
+        acceleration = np.zeros_like(self._pose)
+        acceleration[1:-1] = np.diff(self._pose, 2, axis=0) / self.rig.dt**2
+        return acceleration
 
     @cached_property
-    def pushed(self) -> FloatArray:
+    def measured_force(self) -> FloatArray:
         """Masses times accelerations, filtered, N."""
-        return self.in_newtons(self._acceleration @ mass_matrix(self.rig.settings))
+        return self.filter_wrench(self._acceleration @ mass_matrix(self.rig.settings))
 
     @cached_property
-    def carried(self) -> FloatArray:
+    def weight_force(self) -> FloatArray:
         """Weight, filtered, N."""
-        return self.in_newtons(np.tile(weight(self.rig.settings), (self.ticks.size, 1)))
+        return self.filter_wrench(
+            np.tile(weight_wrench(self.rig.settings), (self.tick_numbers.size, 1))
+        )
 
     @cached_property
-    def by_body(self) -> Mapping[ParameterName, FloatArray]:
+    def force_per_unit(self) -> Mapping[ParameterName, FloatArray]:
         """What the numbers of the body push with, for each unit of them, filtered, N."""
-        file, pushes = self.rig.settings, {}
-        for name, step in _STEPS.items():
-            other = believed(self.rig, {name: step}).settings
-            more = self._acceleration @ (mass_matrix(other) - mass_matrix(file))
-            pushes[name] = self.in_newtons(weight(other) - weight(file) - more) / step
+        file, forces = self.rig.settings, {}
+        for name, step in _DERIVATIVE_STEPS.items():
+            changed = assumed_rig(self.rig, {name: step}).settings
+            inertial_force = self._acceleration @ (mass_matrix(changed) - mass_matrix(file))
+            forces[name] = (
+                self.filter_wrench(weight_wrench(changed) - weight_wrench(file) - inertial_force)
+                / step
+            )
         along = scan_direction(file)
-        way = (self._pose - self._pose[0]) @ along
-        pushes["bias_N"] = self.in_newtons(np.tile(along, (way.size, 1)))
-        pushes["cable_N_per_m"] = self.in_newtons(-np.outer(way, along))
-        return pushes
+        travel = (self._pose - self._pose[0]) @ along
+        forces["bias_N"] = self.filter_wrench(np.tile(along, (travel.size, 1)))
+        forces["cable_N_per_m"] = self.filter_wrench(-np.outer(travel, along))
+        return forces
 
     @property
-    def asked(self) -> FloatArray:
+    def demanded_force(self) -> FloatArray:
         """What was demanded beside what carries the weight, filtered, N."""
         file = self.rig.settings
-        asked = np.column_stack([self.read[name] for name in demand_columns(file.body.free)])
-        return self.in_newtons(asked + weight(file), self.late)
+        demand = np.column_stack([self.columns[name] for name in demand_columns(file.body.free)])
+        return self.filter_wrench(demand + weight_wrench(file), self.delay_ticks)
 
     @property
-    def noise(self) -> float:
+    def force_noise(self) -> float:
         """Standard deviation of the force from the noise of the heads, N."""
         file = self.rig.settings
-        of_heads = mass_matrix(file) @ np.linalg.pinv(head_rows(file)) / self.radii[:, None]
-        each = float(np.linalg.norm(of_heads)) / math.sqrt(self.rows)
-        return each * file.position_sensor.noise_m * self.passed
+        head_gain = (
+            mass_matrix(file) @ np.linalg.pinv(head_rows(file)) / self.gyration_radii[:, None]
+        )
+        rms_gain = float(np.linalg.norm(head_gain)) / math.sqrt(self.comparisons_per_tick)
+        return rms_gain * file.position_sensor.noise_m * self.noise_gain
 
     @cached_property
-    def compared(self) -> NDArray[np.intp]:
+    def compared_indices(self) -> NDArray[np.intp]:
         """Places at which both sides are compared: all coordinates where much is demanded."""
-        every = max(1, round(1.0 / (UPDATES_HZ * self.rig.dt)))
-        least = DEAD * self.rig.settings.tracking.force_max_N
-        asked = np.linalg.norm(self.asked.reshape(-1, self.rows)[::every], axis=1)
-        ticks = every * np.flatnonzero(asked > least)
-        ticks = ticks[ticks >= max(self.begin, round(START_S / self.rig.dt))]
-        return (self.rows * ticks[:, None] + np.arange(self.rows)).ravel()
+        interval_ticks = max(1, round(1.0 / (COMPARISON_RATE_HZ * self.rig.dt)))
+        min_demand_N = MIN_DEMAND_RATIO * self.rig.settings.tracking.force_max_N
+        demand_N = np.linalg.norm(
+            self.demanded_force.reshape(-1, self.comparisons_per_tick)[::interval_ticks], axis=1
+        )
+        ticks = interval_ticks * np.flatnonzero(demand_N > min_demand_N)
+        ticks = ticks[
+            ticks >= max(self.first_compared_tick, round(COMPARISON_START_S / self.rig.dt))
+        ]
+        return (
+            self.comparisons_per_tick * ticks[:, None] + np.arange(self.comparisons_per_tick)
+        ).ravel()
 
 
 class StageLaw(MotionLaw):
@@ -159,135 +185,179 @@ class StageLaw(MotionLaw):
 
     def __init__(self, rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         self.rig, self.method = rig, method
-        self.compensator = cache(lambda width: fit_method(rig, magnet, method, width))
-        self._per_root = cache(lambda: per_root(self.compensator(0.0), rig))
-        self._of: StageMotion | None = None
-        self._kept: dict[tuple[object, ...], FloatArray] = {}  # of single magnets along that motion
-        self._count = range(1, len(rig.settings.placed) + 1)
-        without = _NOT_OF.get(method, ())
-        if rig.settings.magnet.both_ways:
-            without += ("lag",)  # its force goes with the current, and not with its square
-        self.names = [name for name in rig.numbers if not name.startswith(without)]
-        free = len(rig.settings.body.free)
+        self.compensator = cache(lambda width: fit_method_compensator(rig, magnet, method, width))
+        self._current_per_root_force = cache(
+            lambda: current_per_root_force(self.compensator(0.0), rig)
+        )
+        self._cached_motion: StageMotion | None = None
+        self._cached_forces: dict[
+            tuple[object, ...], FloatArray
+        ] = {}  # of single magnets along that motion
+        self._magnet_numbers = range(1, len(rig.settings.body_magnets) + 1)
+        unused = _UNUSED_PARAMETERS.get(method, ())
+        if rig.settings.magnet.is_bidirectional:
+            unused += ("lag",)  # its force goes with the current, and not with its square
+        self.names = [name for name in rig.parameter_names if not name.startswith(unused)]
+        coordinate_count = len(rig.settings.body.free)
         # Along one coordinate a gap zero does what the scale of its magnet does: both together would
         # run off to their bounds in many laps.
-        frozen = ("gap_zero",) if free == 1 else ()
-        self.moved = [name for name in self.names if not name.startswith(frozen)]
+        frozen = ("gap_zero",) if coordinate_count == 1 else ()
+        self.estimable_names = [name for name in self.names if not name.startswith(frozen)]
         self.force_max = rig.settings.tracking.force_max_N
         # Both were chosen for six coordinates, 0.0015 and 0.9, and for one, 0.0023 and 0.85. What a
         # law leaves is spread over them, and the more there are, the less shows of each number. With
         # a smaller trust many laps fit what the law has wrong; with a larger one a lap shows little.
-        self.trust, self.seen = 0.0015 * (6.0 / free) ** 0.25, 0.84 + 0.01 * free
-        self.leaves = 0.0075 if method == "play" else 0.0037
-        of_body = [*demand_columns(rig.settings.body.free), *pose_columns(rig.settings.body.free)]
-        of_each = of_magnets([("gap_read", "m"), *CURRENTS[:1]], 1, len(rig.settings.placed))
-        self.needed = ["t_s", "demand_N", *of_body, *of_each]
-        probes = of_magnets([("flux_read", "T")], 1, len(rig.settings.placed))
-        self.helpful = [] if rig.settings.hall_probe is None else probes
+        self.comparison_sigma_ratio, self.max_sigma_ratio = (
+            0.0015 * (6.0 / coordinate_count) ** 0.25,
+            0.84 + 0.01 * coordinate_count,
+        )
+        self.max_residual_ratio = 0.0075 if method == "play" else 0.0037
+        body_columns = [
+            *demand_columns(rig.settings.body.free),
+            *pose_columns(rig.settings.body.free),
+        ]
+        magnet_signal_columns = magnet_columns(
+            [("gap_read", "m"), *CURRENT_SIGNALS[:1]], 1, len(rig.settings.body_magnets)
+        )
+        self.required_columns = ["t_s", "demand_N", *body_columns, *magnet_signal_columns]
+        probe_columns = magnet_columns([("flux_read", "T")], 1, len(rig.settings.body_magnets))
+        self.optional_columns = [] if rig.settings.hall_probe is None else probe_columns
 
-    def left_out(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
+    def uncalibratable_methods(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
         """Return the methods of which the recordings do not say enough."""
-        read = all(name in one.read for one in motions for name in self.helpful)
-        return () if self.helpful and read else PROBED
+        has_probes = all(
+            name in motion.columns for motion in motions for name in self.optional_columns
+        )
+        return () if self.optional_columns and has_probes else FLUX_PROBE_METHODS
 
-    def begins_in_motion(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
+    def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
         """Return what shows that a recording begins in motion: what iron remembers is not known."""
-        file, poses = self.rig.settings, pose_columns(self.rig.settings.body.free)
-        places = [name for name in poses if name.endswith("_m")] or poses
-        place = np.column_stack([columns[name] for name in places])
-        speed = np.linalg.norm(place[STILL:] - place[:-STILL], axis=1) / (STILL * self.rig.dt)
-        noise = 10.0 * file.position_sensor.noise_m / (STILL * self.rig.dt)
-        if abs(columns["demand_N"][0] + weight_along_scan(file)) > DEAD * self.force_max:
+        file, pose_names = self.rig.settings, pose_columns(self.rig.settings.body.free)
+        position_names = [name for name in pose_names if name.endswith("_m")] or pose_names
+        position = np.column_stack([columns[name] for name in position_names])
+        speed = np.linalg.norm(
+            position[SPEED_WINDOW_TICKS:] - position[:-SPEED_WINDOW_TICKS], axis=1
+        ) / (SPEED_WINDOW_TICKS * self.rig.dt)
+        noise_speed = 10.0 * file.position_sensor.noise_m / (SPEED_WINDOW_TICKS * self.rig.dt)
+        if (
+            abs(columns["demand_N"][0] + weight_along_scan(file))
+            > MIN_DEMAND_RATIO * self.force_max
+        ):
             return ColumnFault("begins in motion", "demand_N")
         # a body that carries its weight falls until currents flow
-        fallen = abs(file.body.gravity_m_per_s2) * STILL * self.rig.dt * weight(file).any()
-        is_moving = speed[0] > 0.02 * float(speed.max()) + noise + fallen
-        return ColumnFault("begins in motion", places[0]) if is_moving else None
+        fall_speed = (
+            abs(file.body.gravity_m_per_s2)
+            * SPEED_WINDOW_TICKS
+            * self.rig.dt
+            * weight_wrench(file).any()
+        )
+        is_moving = speed[0] > 0.02 * float(speed.max()) + noise_speed + fall_speed
+        return ColumnFault("begins in motion", position_names[0]) if is_moving else None
 
-    def wrong_sign(self, motion: Motion) -> ColumnFault | None:
+    def find_wrong_sign(self, motion: Motion) -> ColumnFault | None:
         """Return what shows that the demand counts the other way than the body goes."""
         assert isinstance(motion, StageMotion)
-        together = float(motion.pushed[motion.compared] @ motion.asked[motion.compared])
-        first = demand_columns(self.rig.settings.body.free)[0]
-        text = f"the body goes against {first}; turn the sign of every demanded force and moment"
-        return ColumnFault(text, first) if together < 0.0 else None
+        correlation = float(
+            motion.measured_force[motion.compared_indices]
+            @ motion.demanded_force[motion.compared_indices]
+        )
+        demand_column = demand_columns(self.rig.settings.body.free)[0]
+        text = f"the body goes against {demand_column}; turn the sign of every demanded force and moment"
+        return ColumnFault(text, demand_column) if correlation < 0.0 else None
 
-    def motion(self, read: Mapping[str, FloatArray], begin: int = 0) -> Motion:
+    def make_motion(
+        self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0
+    ) -> Motion:
         """Take a motion as it was read."""
-        return StageMotion(self.rig, read, begin)
+        return StageMotion(self.rig, columns, first_compared_tick)
 
-    def shows(self, motion: Motion, name: ParameterName) -> bool:
+    def is_excited(self, motion: Motion, name: ParameterName) -> bool:
         """Whether a motion can show a number: at rest any law is wrong by a part of what it pulls."""
         number = re.search(r"_(\d+)", name)
         if number is None:
             return True
         assert isinstance(motion, StageMotion)
-        pulled = self._pulled(motion, int(number[1]), {})[motion.compared]
-        most = np.linalg.norm(pulled.reshape(-1, motion.rows), axis=1).max()
-        return bool(most > DEAD * self.force_max)
+        force = self._magnet_force(motion, int(number[1]), {})[motion.compared_indices]
+        max_force = np.linalg.norm(force.reshape(-1, motion.comparisons_per_tick), axis=1).max()
+        return bool(max_force > MIN_DEMAND_RATIO * self.force_max)
 
-    def stage(self, learnt: CalibratedMethod, drift: Drift = NO_DRIFT) -> StageSetup:
+    def corrected_stage(self, calibration: CalibratedMethod, drift: Drift = NO_DRIFT) -> StageSetup:
         """Return the stage whose controller is corrected by what was found; its plant may drift."""
-        return corrected(self.rig, self.compensator, learnt, drift)
+        return apply_calibration(self.rig, self.compensator, calibration, drift)
 
-    def net(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
+    def net_force(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
         """Return the wrench along a path by the law with some numbers, filtered, N."""
         assert isinstance(motion, StageMotion)
-        body = [values[name] * force for name, force in motion.by_body.items()]
-        pulled = [self._pulled(motion, number, values) for number in self._count]
-        return np.asarray(sum([*body, *pulled], motion.carried))
+        body_forces = [values[name] * force for name, force in motion.force_per_unit.items()]
+        magnet_forces = [
+            self._magnet_force(motion, number, values) for number in self._magnet_numbers
+        ]
+        return np.asarray(sum([*body_forces, *magnet_forces], motion.weight_force))
 
-    def _pulled(
+    def _magnet_force(
         self, motion: StageMotion, number: int, values: Mapping[ParameterName, float]
     ) -> FloatArray:
         """Return what one magnet pulls with; what was asked for before is kept."""
         scale = 1.0 + values.get(f"scale_{number}", 0.0)
-        zero = values.get(f"gap_zero_{number}_m", 0.0)
-        width = on_grid("width", values.get(f"width_{number}", 0.0))
+        gap_zero = values.get(f"gap_zero_{number}_m", 0.0)
+        width = round_to_grid("width", values.get(f"width_{number}", 0.0))
         lag, file = values.get("lag_s", 0.0), self.rig.settings
-        if motion is not self._of:
-            self._of, self._kept = motion, {}
-        key = number, scale, zero, width, lag
-        if key not in self._kept:
-            gap = motion.read[column("gap_read", "m", number)] - zero
-            if self.method in PROBED:
-                flux, probe = motion.read[column("flux_read", "T", number)], file.hall_probe
+        if motion is not self._cached_motion:
+            self._cached_motion, self._cached_forces = motion, {}
+        key = number, scale, gap_zero, width, lag
+        if key not in self._cached_forces:
+            gap = motion.columns[column_name("gap_read", "m", number)] - gap_zero
+            if self.method in FLUX_PROBE_METHODS:
+                flux, probe = motion.columns[column_name("flux_read", "T", number)], file.hall_probe
                 assert probe is not None
                 lag_ticks = 1.0 / (2.0 * math.pi * probe.bandwidth_Hz * self.rig.dt)
-                force, late = self._pull(scale * flux, gap), -lag_ticks
+                force, delay_ticks = self._force_of_flux(scale * flux, gap), -lag_ticks
             else:
-                current = scale * motion.read[column("command", "A", number)]
-                later = np.interp(motion.ticks + motion.late, motion.ticks, gap)
-                force, late = self._follow(current, later, width, lag), motion.late
-            row = pull_rows(file)[number - 1] / motion.radii
-            self._kept[key] = np.outer(motion.filtered(force, late), row).ravel()
-        return self._kept[key]
+                current = scale * motion.columns[column_name("command", "A", number)]
+                gap_at_force = np.interp(
+                    motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, gap
+                )
+                force, delay_ticks = (
+                    self._force_of_current(current, gap_at_force, width, lag),
+                    motion.delay_ticks,
+                )
+            pull_row = magnet_rows(file)[number - 1] / motion.gyration_radii
+            self._cached_forces[key] = np.outer(
+                motion.filter_force(force, delay_ticks), pull_row
+            ).ravel()
+        return self._cached_forces[key]
 
-    def _follow(self, current: FloatArray, gap: FloatArray, width: float, lag: float) -> FloatArray:
+    def _force_of_current(
+        self, current: FloatArray, gap: FloatArray, width: float, lag_s: float
+    ) -> FloatArray:
         """Return the force of a current whose flux lags it by so many seconds, N.
 
         The controller leads by what the root of the force changes by in that time, and so does this.
         """
-        force = self.compensator(width).fresh().follow(current, gap)
-        if not lag:
+        force = self.compensator(width).reset_copy().follow(current, gap)
+        if not lag_s:
             return force
-        rises = np.diff(np.sqrt(np.maximum(force, 0.0)), prepend=0.0)
-        behind = current - lag / self.rig.dt * self._per_root() * rises
-        return self.compensator(width).fresh().follow(behind, gap)
+        root_steps = np.diff(np.sqrt(np.maximum(force, 0.0)), prepend=0.0)
+        lagged_current = current - lag_s / self.rig.dt * self._current_per_root_force() * root_steps
+        return self.compensator(width).reset_copy().follow(lagged_current, gap)
 
-    def _pull(self, flux: FloatArray, gap: FloatArray) -> FloatArray:
+    def _force_of_flux(self, flux: FloatArray, gap: FloatArray) -> FloatArray:
         """Go back the way of the method's calibration: the force goes with the flux density squared."""
         parameters = self.compensator(0.0).parameters
         assert isinstance(parameters, FluxFeedback | FusedInverse)
-        of_root = parameters.loop.wanted[:, -1] / math.sqrt(parameters.scales.demand)
-        gaps = np.linspace(parameters.scales.gap_low, parameters.scales.gap_high, of_root.size)
-        return np.asarray((flux / np.interp(gap, gaps, of_root)) ** 2)
+        flux_per_root_force = parameters.loop.flux_table[:, -1] / math.sqrt(
+            parameters.scales.demand
+        )
+        gaps = np.linspace(
+            parameters.scales.gap_low, parameters.scales.gap_high, flux_per_root_force.size
+        )
+        return np.asarray((flux / np.interp(gap, gaps, flux_per_root_force)) ** 2)
 
 
-ASKED_S, ASKED = 0.06, 0.02
+REFERENCE_WINDOW_S, MIN_REFERENCE_CHANGE_RATIO = 0.06, 0.02
 """What is compared lies so soon after the reference moved by that part of the travel: where nothing
 was asked for, any load would be taken for a number of the magnet."""
-KNOWN, UNSURE = 0.002, 0.1
+RECORDED_LOAD_SIGMA_RATIO, ASSUMED_LOAD_SIGMA_RATIO = 0.002, 0.1
 """Standard deviation of a load that was recorded, in parts of the largest force, and of one that was
 not, in parts of what the rig file says."""
 
@@ -297,63 +367,72 @@ class BearingMotion(Motion):
     """What was read while an armature was lifted and moved."""
 
     @cached_property
-    def _inertia(self) -> FloatArray:
+    def _inertial_force(self) -> FloatArray:
         """Weight less mass times acceleration, filtered, N."""
-        gap, body = self.read["gap_read_m"], self.rig.settings.body
-        away = np.full(gap.size, body.gravity_m_per_s2)
-        away[1:-1] -= np.diff(gap, 2) / self.rig.dt**2
-        return self.filtered(body.mass_kg * away)
+        gap, body = self.columns["gap_read_m"], self.rig.settings.body
+        opening_acceleration = np.full(gap.size, body.gravity_m_per_s2)
+        opening_acceleration[1:-1] -= np.diff(gap, 2) / self.rig.dt**2
+        return self.filter_force(body.mass_kg * opening_acceleration)
 
     @cached_property
-    def pushed(self) -> FloatArray:
+    def measured_force(self) -> FloatArray:
         """What the magnets pulled with, by the load and the motion, filtered, N."""
-        drive = np.full(self.ticks.size, self.rig.settings.load.force_N)
-        return self._inertia + self.filtered(self.read.get("load_N", drive))
+        assumed_load = np.full(self.tick_numbers.size, self.rig.settings.load.force_N)
+        return self._inertial_force + self.filter_force(self.columns.get("load_N", assumed_load))
 
     @property
-    def force(self) -> float:
+    def force_rms(self) -> float:
         """Force of which a law leaves a part, root mean square, N; magnets of a pair pull besides."""
-        return math.hypot(super().force, math.sqrt(2.0) * (self.rig.settings.bias_N or 0.0))
+        return math.hypot(super().force_rms, math.sqrt(2.0) * (self.rig.settings.bias_N or 0.0))
 
     @cached_property
-    def by_body(self) -> Mapping[ParameterName, FloatArray]:
+    def force_per_unit(self) -> Mapping[ParameterName, FloatArray]:
         """What the numbers of the body push with, for each unit of them, filtered, N."""
-        return {"bias_N": -np.ones(self.ticks.size), "payload": -self._inertia}
+        return {"bias_N": -np.ones(self.tick_numbers.size), "payload": -self._inertial_force}
 
     @property
-    def noise(self) -> float:
+    def force_noise(self) -> float:
         """Standard deviation of that force from noise and steps of the gap sensor, N."""
         sensor = self.rig.settings.gap_sensor
-        read = math.hypot(sensor.noise_m, sensor.step / math.sqrt(12.0))
-        return self.rig.settings.body.mass_kg * read * self.passed
+        gap_noise = math.hypot(sensor.noise_m, sensor.resolution / math.sqrt(12.0))
+        return self.rig.settings.body.mass_kg * gap_noise * self.noise_gain
 
     @cached_property
-    def compared(self) -> NDArray[np.intp]:
+    def compared_indices(self) -> NDArray[np.intp]:
         """Ticks at which both sides are compared: the armature hangs and goes where it is told."""
-        file, reference = self.rig.settings, self.read["reference_m"]
-        state = np.rint(self.read["state"])
-        if "phase" in self.read:
-            state = 16.0 * state + np.rint(self.read["phase"])
-        hangs = state == HOVER
+        file, reference = self.rig.settings, self.columns["reference_m"]
+        state = np.rint(self.columns["state"])
+        if "phase" in self.columns:
+            state = 16.0 * state + np.rint(self.columns["phase"])
+        is_levitated = state == HOVER_CODE
         # the reference before it hangs is that of the lift
-        last = np.where(hangs, reference, file.gap_m if not hangs.any() else reference[hangs][0])
-        window = round(ASKED_S / self.rig.dt)
-        back = (window - 1) // 2  # so that the window ends at the tick
-        moved = maximum_filter1d(last, window, origin=back)
-        moved -= minimum_filter1d(last, window, origin=back)
-        least = ASKED * (file.body.stop_high_m - file.body.stop_low_m)
-        every = max(1, round(1.0 / (UPDATES_HZ * self.rig.dt)))
-        ticks = every * np.flatnonzero((hangs & (moved > least))[::every])
-        return ticks[ticks >= self.begin]
+        levitated_reference = np.where(
+            is_levitated,
+            reference,
+            file.gap_m if not is_levitated.any() else reference[is_levitated][0],
+        )
+        window = round(REFERENCE_WINDOW_S / self.rig.dt)
+        window_shift = (window - 1) // 2  # so that the window ends at the tick
+        reference_change = maximum_filter1d(levitated_reference, window, origin=window_shift)
+        reference_change -= minimum_filter1d(levitated_reference, window, origin=window_shift)
+        min_change = MIN_REFERENCE_CHANGE_RATIO * (file.body.stop_high_m - file.body.stop_low_m)
+        interval_ticks = max(1, round(1.0 / (COMPARISON_RATE_HZ * self.rig.dt)))
+        ticks = interval_ticks * np.flatnonzero(
+            (is_levitated & (reference_change > min_change))[::interval_ticks]
+        )
+        return ticks[ticks >= self.first_compared_tick]
 
 
 class BearingLaw(MotionLaw):
     """A method of each magnet of a bearing as it is fitted to the loops, and with other numbers."""
 
-    trust = 0.004
-    seen = 0.7
-    leaves = 0.0043
-    helpful = ("load_N", "phase")  # the live page writes the phase beside the state of a controller
+    comparison_sigma_ratio = 0.004
+    max_sigma_ratio = 0.7
+    max_residual_ratio = 0.0043
+    optional_columns = (
+        "load_N",
+        "phase",
+    )  # the live page writes the phase beside the state of a controller
 
     def __init__(
         self,
@@ -361,54 +440,64 @@ class BearingLaw(MotionLaw):
         controller: ControllerTable,
         magnet: IdentifiedMagnet,
         method: MethodName,
-        load_known: bool = True,
+        is_load_recorded: bool = True,
     ) -> None:
         self.rig, self.method = bearing, method
-        self.names = bearing.numbers
-        curve = method == "single-valued"
-        self.moved = [name for name in self.names if not (curve and name.startswith("width"))]
-        self.force_max = controller.force_max(pair_of(bearing))
-        self._load_known = load_known
+        self.names = bearing.parameter_names
+        is_single_valued = method == "single-valued"
+        self.estimable_names = [
+            name for name in self.names if not (is_single_valued and name.startswith("width"))
+        ]
+        self.force_max = controller.force_max(pair_table(bearing))
+        self._is_load_recorded = is_load_recorded
 
-        def fitted(width: float) -> ForceController:
-            known = [calibrated(magnet, wider=width)]
-            return fit_magnets(bearing, controller, known, method, "f64")[0]
+        def fit_compensator(width: float) -> ForceController:
+            known = [calibrate_magnet(magnet, width_change=width)]
+            return fit_bearing_compensators(bearing, controller, known, method, "f64")[0]
 
-        self.compensator = cache(fitted)
-        commands = of_magnets(CURRENTS[:1], 1, len(bearing.settings.magnets))
-        self.needed = ["t_s", "reference_m", "gap_read_m", *commands, "state"]
+        self.compensator = cache(fit_compensator)
+        commands = magnet_columns(CURRENT_SIGNALS[:1], 1, len(bearing.settings.magnets))
+        self.required_columns = ["t_s", "reference_m", "gap_read_m", *commands, "state"]
 
-    def known_from(self, motions: Sequence[Motion]) -> Mapping[str, Any]:
+    def law_options(self, motions: Sequence[Motion]) -> Mapping[str, Any]:
         """Return whether the load was recorded in all motions."""
-        return {"load_known": all("load_N" in one.read for one in motions)}
+        return {"is_load_recorded": all("load_N" in one.columns for one in motions)}
 
-    def begins_in_motion(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
+    def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
         """Return what shows that a recording begins before the iron was demagnetised."""
-        flows = columns["command_A"][0] > 0.0
-        return ColumnFault("begins while a current flows", "command_A") if flows else None
+        has_current = columns["command_A"][0] > 0.0
+        return ColumnFault("begins while a current flows", "command_A") if has_current else None
 
-    def prior(self, name: ParameterName) -> float:
+    def prior_sigma(self, name: ParameterName) -> float:
         """Return the standard deviation that the rig file states for a number."""
         if name.startswith("scale"):
             return 0.01 * self.rig.settings.spread.sensor_gain_percent
         if name == "bias_N":
-            return KNOWN * self.force_max if self._load_known else UNSURE * self.rig.load
-        return super().prior(name)
+            return (
+                RECORDED_LOAD_SIGMA_RATIO * self.force_max
+                if self._is_load_recorded
+                else ASSUMED_LOAD_SIGMA_RATIO * self.rig.static_load
+            )
+        return super().prior_sigma(name)
 
-    def motion(self, read: Mapping[str, FloatArray], begin: int = 0) -> Motion:
+    def make_motion(
+        self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0
+    ) -> Motion:
         """Take a motion as it was read."""
-        return BearingMotion(self.rig, read, begin)
+        return BearingMotion(self.rig, columns, first_compared_tick)
 
-    def net(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
+    def net_force(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
         """Return the net force along a path by the law with some numbers, filtered, N."""
-        gap = motion.read["gap_read_m"] - values["gap_zero_m"]
-        gap = np.interp(motion.ticks + motion.late, motion.ticks, gap)
-        net = motion.by_body["bias_N"] * values["bias_N"]
-        for number, own_gap in enumerate(self.rig.gaps_at(gap), 1):
+        gap = motion.columns["gap_read_m"] - values["gap_zero_m"]
+        gap = np.interp(motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, gap)
+        net = motion.force_per_unit["bias_N"] * values["bias_N"]
+        for number, own_gap in enumerate(self.rig.magnet_gaps(gap), 1):
             width = values.get("width", values.get(f"width_{number}", 0.0))
-            flowed = motion.read[column("command", "A", number)]
-            flowed = (1.0 + values[f"scale_{number}"]) * flowed
-            compensator = self.compensator(on_grid("width", width)).fresh()
-            pulled = compensator.follow(flowed, own_gap)
-            net = net + (-1.0) ** (number - 1) * motion.filtered(pulled, motion.late)
+            current = motion.columns[column_name("command", "A", number)]
+            current = (1.0 + values[f"scale_{number}"]) * current
+            compensator = self.compensator(round_to_grid("width", width)).reset_copy()
+            magnet_force = compensator.follow(current, own_gap)
+            net = net + (-1.0) ** (number - 1) * motion.filter_force(
+                magnet_force, motion.delay_ticks
+            )
         return net

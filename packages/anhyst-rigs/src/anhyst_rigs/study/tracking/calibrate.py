@@ -12,98 +12,100 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from anhyst.control.controller_file import ControllerFile
-from anhyst.data.headers import without_word
+from anhyst.data.headers import ignore_quantity_word
 from anhyst.data.table import read_columns
 from anhyst.support.atomic import PathLike, atomic_writer, check_path, check_writable
 from anhyst.support.errors import InputError, wrong_type
-from anhyst.support.kinds import MethodName, capability
+from anhyst.support.kinds import MethodName, require_capability
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, columns_of
-from anhyst.support.toml_file import take_rig
+from anhyst.support.result import Result, rows_to_columns
+from anhyst.support.toml_file import require_rig
 from anhyst.support.toml_text import toml_value
 from anhyst.support.units import parse_header
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.calibration import CalibrationFile
-from anhyst_rigs.rig.drift import untaught
+from anhyst_rigs.rig.drift import remove_calibration
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.fitted import identify_stage
-from anhyst_rigs.study.bearing.ready import controller_of, make_ready
-from anhyst_rigs.study.tracking.bodies import LEARNT, BearingLaw, StageLaw
-from anhyst_rigs.study.tracking.learner import fit
-from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratable
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet
+from anhyst_rigs.study.bearing.inputs import check_inputs, read_bearing_controller
+from anhyst_rigs.study.tracking.bodies import CALIBRATABLE_METHODS, BearingLaw, StageLaw
+from anhyst_rigs.study.tracking.estimator import calibrate_from_motions
+from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_slow_amplifier
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LEAST = 100
+MIN_ROWS = 100
 """Rows of a recording."""
-NUMBER = 1e30
+MAX_READING = 1e30
 """What is larger, in SI units, is no reading."""
-HEAD = """\
+FILE_HEADER = """\
 # What motion taught of the magnets of a rig. Written by anhyst calibrate; a rig file names it as
 # control.calibration. Values are parts, or carry their unit; the scale of force is the mass."""
 
 
-def _read(law: MotionLaw, path: PathLike) -> dict[str, FloatArray]:
+def _read_columns(law: MotionLaw, path: PathLike) -> dict[str, FloatArray]:
     """Read the columns that are needed of a file, SI."""
     table = read_columns(path, has_own_names=True)
     columns = {}
-    for name in (*law.needed, *law.helpful):
-        wanted = without_word(parse_header(name)).quantity
-        assert wanted is not None
-        values = table.get(wanted.name)
+    for name in (*law.required_columns, *law.optional_columns):
+        quantity = ignore_quantity_word(parse_header(name)).quantity
+        assert quantity is not None
+        values = table.get(quantity.name)
         if values is None:
             continue
-        held = table.headers[table.names.index(wanted.name)]
-        if held.quantity is not None and held.quantity.unit != wanted.unit:
+        header = table.headers[table.names.index(quantity.name)]
+        if header.quantity is not None and header.quantity.unit != quantity.unit:
             raise InputError(
-                f"{path}: column '{held.text}' is in {held.quantity.unit or 'no unit'}, and "
-                f"{wanted.unit} is needed; name it {name}",
+                f"{path}: column '{header.text}' is in {header.quantity.unit or 'no unit'}, and "
+                f"{quantity.unit} is needed; name it {name}",
                 code="unit-of-another-kind",
-                key=held.text,
+                key=header.text,
             )
         columns[name] = values
     return columns
 
 
-def _motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
+def _make_motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
     """Take what is needed of a recording: every tick of the rig, from rest on."""
     if isinstance(recording, Recording):
-        where, columns = "recording", recording.columns
+        source, columns = "recording", recording.columns
     else:
-        where, columns = str(recording), _read(law, recording)
-    for name in law.needed:
+        source, columns = str(recording), _read_columns(law, recording)
+    for name in law.required_columns:
         if name not in columns:
-            text = f"{where}: has no column {name}; record it, as anhyst simulate does"
+            text = f"{source}: has no column {name}; record it, as anhyst simulate does"
             raise InputError(text, code="column-missing", key=name)
-    for name in (*law.needed, *law.helpful):
-        if not (np.abs(columns.get(name, 0.0)) < NUMBER).all():
-            text = f"{where}: {name} holds what is no number; leave out what comes before it"
+    for name in (*law.required_columns, *law.optional_columns):
+        if not (np.abs(columns.get(name, 0.0)) < MAX_READING).all():
+            text = f"{source}: {name} holds what is no number; leave out what comes before it"
             raise InputError(text, code="not-finite", key=name)
-    _check_ticks(law.rig, where, columns["t_s"])
-    if moving := law.begins_in_motion(columns):
-        text = f"{where}: {moving.text}; begin at rest with demagnetised iron"
-        raise InputError(text, code="begins-in-motion", key=moving.column)
-    motion = law.motion(columns)
-    if wrong := law.wrong_sign(motion):
-        raise InputError(f"{where}: {wrong.text}", code="wrong-sign", key=wrong.column)
+    _check_ticks(law.rig, source, columns["t_s"])
+    if start_fault := law.find_motion_at_start(columns):
+        text = f"{source}: {start_fault.text}; begin at rest with demagnetised iron"
+        raise InputError(text, code="begins-in-motion", key=start_fault.column)
+    motion = law.make_motion(columns)
+    if sign_fault := law.find_wrong_sign(motion):
+        raise InputError(f"{source}: {sign_fault.text}", code="wrong-sign", key=sign_fault.column)
     return motion
 
 
-def _check_ticks(rig: BodyRig, where: str, time: FloatArray) -> None:
+def _check_ticks(rig: BodyRig, source: str, time: FloatArray) -> None:
     """Refuse a recording that is too short, of another rate, or not of every tick."""
-    if time.size < LEAST:
-        text = f"{where}: has {time.size} rows, and {LEAST} are the least; record a whole motion"
+    if time.size < MIN_ROWS:
+        text = (
+            f"{source}: has {time.size} rows, and {MIN_ROWS} are the least; record a whole motion"
+        )
         raise InputError(text, code="too-short", key="t_s")
-    lasted = float(time[-1] - time[0])
-    rate = (time.size - 1) / lasted if lasted else math.inf
+    duration_s = float(time[-1] - time[0])
+    rate = (time.size - 1) / duration_s if duration_s else math.inf
     steps = np.diff(time) / rig.dt
     if abs(rate * rig.dt - 1.0) > 1e-3 and abs(float(np.median(steps)) - 1.0) > 1e-3:
-        text = f"{where}: has {rate:g} rows a second, {rig.path} {1.0 / rig.dt:g} ticks; record"
+        text = f"{source}: has {rate:g} rows a second, {rig.path} {1.0 / rig.dt:g} ticks; record"
         raise InputError(f"{text} every tick", code="rate-differs", key="t_s")
-    if (off := np.flatnonzero(np.abs(steps - 1.0) > 0.5)).size:
-        text = f"{where}: row {off[0] + 2} comes {steps[off[0]]:.3g} ticks after the one before"
+    if (irregular_rows := np.flatnonzero(np.abs(steps - 1.0) > 0.5)).size:
+        text = f"{source}: row {irregular_rows[0] + 2} comes {steps[irregular_rows[0]]:.3g} ticks after the one before"
         raise InputError(f"{text}; record every tick once", code="ticks-missing", key="t_s")
 
 
@@ -120,18 +122,18 @@ class Calibration(Result):
     file: CalibrationFile
 
     @property
-    def learnt(self) -> bool:
+    def has_estimates(self) -> bool:
         """Whether anything was learnt of any method."""
-        return any(one.taken for one in self.file.method)
+        return any(one.is_applied for one in self.file.method)
 
     def facts(self) -> dict[str, str]:
         """Return what every method is corrected by and what is left, and the number trusted."""
         facts = {"rig": self.file.rig, "trusted": f"mass of {self.file.mass_kg:g} kg"}
-        return facts | {one.name: one.judgement for one in self.file.method}
+        return facts | {one.name: one.summary for one in self.file.method}
 
     def to_columns(self) -> dict[str, Any]:
         """Return every number of every method with what is left of its uncertainty."""
-        return columns_of(
+        return rows_to_columns(
             [
                 {"method": one.name, **number.model_dump()}
                 for one in self.file.method
@@ -161,7 +163,7 @@ class Calibration(Result):
             The place cannot be written.
         """
         content = self.file.model_dump()
-        lines = [HEAD]
+        lines = [FILE_HEADER]
         lines += [f"{key} = {toml_value(content[key])}" for key in content if key != "method"]
         for one in self.file.method:
             whole = one.model_dump(exclude_none=True)
@@ -175,7 +177,7 @@ class Calibration(Result):
         return Path(path)
 
 
-Laws = Callable[..., MotionLaw]
+LawFactory = Callable[..., MotionLaw]
 """What makes the law of a method, and of a bearing may take ``load_known``."""
 
 
@@ -190,7 +192,7 @@ class HasCalibration(Protocol):
         rig: BodyRig,
         controller: ControllerFile | PathLike | None,
         magnet: IdentifiedMagnet | None,
-    ) -> tuple[Laws, IdentifiedMagnet]:
+    ) -> tuple[LawFactory, IdentifiedMagnet]:
         """Return what makes the law of a method, and what is known of the magnets."""
 
 
@@ -198,25 +200,25 @@ def stage_laws(
     rig: BodyRig,
     controller: ControllerFile | PathLike | None,
     magnet: IdentifiedMagnet | None,
-) -> tuple[Laws, IdentifiedMagnet]:
+) -> tuple[LawFactory, IdentifiedMagnet]:
     """Return what makes the law of a method of a stage, and what is known of its magnets."""
     assert controller is None
-    refuse_uncalibratable(rig)
-    known = magnet or identify_stage(rig)
-    return partial(StageLaw, rig, known), known
+    refuse_slow_amplifier(rig)
+    identified_magnet = magnet or identify_stage_magnet(rig)
+    return partial(StageLaw, rig, identified_magnet), identified_magnet
 
 
 def bearing_laws(
     rig: BodyRig,
     controller: ControllerFile | PathLike | None,
     magnet: IdentifiedMagnet | None,
-) -> tuple[Laws, IdentifiedMagnet]:
+) -> tuple[LawFactory, IdentifiedMagnet]:
     """Return the same of a bearing."""
     if not isinstance(controller, ControllerFile):
-        controller = controller_of(rig, controller)
-    ready = make_ready(untaught(rig), controller)
-    known = magnet or ready.knowledge()
-    return partial(BearingLaw, ready.rig, controller.settings, known), known
+        controller = read_bearing_controller(rig, controller)
+    ready = check_inputs(remove_calibration(rig), controller)
+    identified_magnet = magnet or ready.identify_magnet()
+    return partial(BearingLaw, ready.rig, controller.settings, identified_magnet), identified_magnet
 
 
 def calibrate(
@@ -235,46 +237,46 @@ def calibrate(
     """
     if not isinstance(rig, BodyRig):
         check_path(rig, "calibrate: rig", "the path of a rig file")
-    kind = rig.settings.kind if isinstance(rig, BodyRig) else take_rig(rig, "calibrate")
-    calibrates = capability(kind, HasCalibration)
-    whole = rig if isinstance(rig, BodyRig) else calibrates.read(rig)
-    alone = isinstance(recordings, Recording | str | Path)
-    if not alone and not isinstance(recordings, Sequence):
+    kind = rig.settings.kind if isinstance(rig, BodyRig) else require_rig(rig, "calibrate")
+    calibrates = require_capability(kind, HasCalibration)
+    body_rig = rig if isinstance(rig, BodyRig) else calibrates.read(rig)
+    is_single = isinstance(recordings, Recording | str | Path)
+    if not is_single and not isinstance(recordings, Sequence):
         raise wrong_type("calibrate: recordings", "recordings or their paths", recordings)
-    given: list[Recording | PathLike] = [recordings] if alone else list(recordings)  # type: ignore[arg-type,list-item]
-    for one in given:
+    sources: list[Recording | PathLike] = [recordings] if is_single else list(recordings)  # type: ignore[arg-type,list-item]
+    for one in sources:
         if not isinstance(one, Recording):
             check_path(one, "calibrate: recordings", "recordings or their paths")
-    files = [Path(one) for one in given if not isinstance(one, Recording)]
+    files = [Path(one) for one in sources if not isinstance(one, Recording)]
     if out is not None:
-        check_writable(out, [whole.path, *whole.measured.files, *files])
+        check_writable(out, [body_rig.path, *body_rig.measured_loops.files, *files])
     kind.refuse_options("calibrate", {"--controller": controller})
-    laws, known = calibrates.motion_laws(whole, controller, magnet)
-    motions = [_motion(laws("full"), one) for one in given]
-    if not given or len({one.read["command_A"].tobytes() for one in motions}) < len(given):
+    make_law, identified_magnet = calibrates.motion_laws(body_rig, controller, magnet)
+    motions = [_make_motion(make_law("full"), one) for one in sources]
+    if not sources or len({one.columns["command_A"].tobytes() for one in motions}) < len(sources):
         raise InputError(
             "RUNS: name at least one recording, and each once; the same one teaches nothing new",
             code="recordings-not-once",
             key="RUNS",
         )
-    file, law = whole.settings, laws("full")
-    left_out = set(law.left_out(motions))
-    if not known.model.has_layers:
-        left_out.add("at-rest")
-    laws = partial(laws, **law.known_from(motions))
-    possible = [name for name in LEARNT if name not in left_out]
+    settings, full_law = body_rig.settings, make_law("full")
+    excluded = set(full_law.uncalibratable_methods(motions))
+    if not identified_magnet.model.has_layers:
+        excluded.add("at-rest")
+    make_law = partial(make_law, **full_law.law_options(motions))
+    possible = [name for name in CALIBRATABLE_METHODS if name not in excluded]
     for name in methods:
         if name not in possible:
             text = f"methods: '{name}' cannot be calibrated of this; name {', '.join(possible)}"
             raise InputError(text, code="no-such-method", key="methods")
-    found = CalibrationFile(
+    file_content = CalibrationFile(
         format="anhyst-calibration",
         version=1,
-        rig=file.name,
-        mass_kg=file.body.mass_kg,
-        method=[fit(laws(name), motions) for name in methods or possible],
+        rig=settings.name,
+        mass_kg=settings.body.mass_kg,
+        method=[calibrate_from_motions(make_law(name), motions) for name in methods or possible],
     )
-    calibration = Calibration(found)
-    if out is not None and calibration.learnt:
+    calibration = Calibration(file_content)
+    if out is not None and calibration.has_estimates:
         calibration.save(out)
     return calibration

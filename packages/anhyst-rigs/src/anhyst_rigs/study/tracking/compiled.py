@@ -12,44 +12,49 @@ from numpy.typing import NDArray
 
 from anhyst.compensate.force_controller import Io
 from anhyst.compilation.compiled_stage import CompiledStage, StageRequest
-from anhyst.compilation.manifest import MANIFEST, VERSION, check_folder, write_folder
-from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
-from anhyst.compilation.vectors import vectors_csv
-from anhyst.control.fixed_axes import codes
+from anhyst.compilation.manifest import MANIFEST_FILE, MANIFEST_VERSION, check_folder, write_folder
+from anhyst.compilation.stage import LOST_MAGNET_ROWS, StageController, make_stage_sources
+from anhyst.compilation.vectors import write_vectors_csv
+from anhyst.control.fixed_axes import signal_codes
 from anhyst.support import running_version
 from anhyst.support.atomic import PathLike
+from anhyst.support.cache import c_name, check_c_name
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
-from anhyst.support.kept import c_name, check_name
 from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 from anhyst.support.states import Command
-from anhyst.verification.bundle import column_of
-from anhyst.verification.protocol import stage_form
+from anhyst.verification.bundle import record_column_name
+from anhyst.verification.protocol import make_stage_record
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.loop import SimulatedLoop
-from anhyst_rigs.rig.recording import column, of_magnets
-from anhyst_rigs.rig.stage.drives import least_of, opposed, watch_settings, yields
+from anhyst_rigs.rig.recording import column_name, magnet_columns
+from anhyst_rigs.rig.stage.drives import (
+    axis_yields,
+    min_single_force,
+    monitoring_settings,
+    opposing_magnets,
+)
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.fitted import identify_stage, make_stage
-from anhyst_rigs.rig.stage.geometry import mass_matrix, pull_rows, weight
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet, make_stage
+from anhyst_rigs.rig.stage.geometry import magnet_rows, mass_matrix, weight_wrench
 from anhyst_rigs.rig.stage.loop import (
     Feedforward,
     StageSetup,
-    axes_controller,
-    axes_rows,
+    controller_matrices,
     controller_settings,
-    fed_wrench,
-    feed,
-    fixed_words,
-    scenario_along,
+    feedforward_force,
+    feedforward_wrench,
+    make_axes_controller,
+    make_fixed_stage_controller,
+    scan_scenario,
 )
-from anhyst_rigs.rig.stage.recording import stage_loss
-from anhyst_rigs.rig.stage.setpoint import instants, motion_of, stray, ticks_of
+from anhyst_rigs.rig.stage.recording import find_stage_loss
+from anhyst_rigs.rig.stage.setpoint import frame_stray, motion_ticks, scan_motion, tick_times
 
-COMMAND_ROWS = 20
+ROWS_PER_COMMAND = 20
 """In the end of the golden vectors, after each command."""
-ROWS = 2000
+MAX_FLIGHT_ROWS = 2000
 """Ticks of the flight that become golden vectors, if it takes as many: at rest, acceleration, after it."""
 
 
@@ -58,14 +63,17 @@ def compile_stage(
 ) -> CompiledStage:
     """Compile the controller of a stage, and fly its test set-point for the golden vectors."""
     if request.name is not None:
-        check_name(request.name)
+        check_c_name(request.name)
     check_folder(out)
     rig = read_stage(rig_path)
-    _refuse(rig, request.io, request.rate)
+    _refuse_uncompilable(rig, request.io, request.rate)
     if progress is not None:
         progress(0, 3)
-    law: NumberFormat = "fixed" if request.io == "q31" else "f32"
-    setup = replace(make_stage(compiled_rig(rig), identify_stage(rig), request.kind), law=law)
+    number_format: NumberFormat = "fixed" if request.io == "q31" else "f32"
+    setup = replace(
+        make_stage(compiled_rig(rig), identify_stage_magnet(rig), request.kind),
+        number_format=number_format,
+    )
     if progress is not None:
         progress(2, 3)
     return write_stage(setup, request.kind, out, request.name or c_name(rig.settings.name))
@@ -75,21 +83,25 @@ def compiled_rig(rig: BodyRig) -> BodyRig:
     """Return a stage whose magnets reckon as they are compiled: in fixed or in single precision."""
     if rig.settings.tracking.format == "fixed":
         return rig
-    return replace(rig, settings=rig.settings.changed({"control.format": "f32"}))
+    return replace(rig, settings=rig.settings.with_changes({"control.format": "f32"}))
 
 
 def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
     """Write the folder of a controller in the format of its axes, with its flight."""
-    stage, vectors, version = _controller(setup, kind, name), fly_vectors(setup), running_version()
+    stage, vectors, version = (
+        _describe_controller(setup, kind, name),
+        golden_vectors(setup),
+        running_version(),
+    )
     dtype = next(iter(vectors.values())).dtype
-    table = vectors_csv(vectors, np.array([*vectors.values()]).T.astype(dtype).tolist())
-    files = stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": table}
+    table = write_vectors_csv(vectors, np.array([*vectors.values()]).T.astype(dtype).tolist())
+    files = make_stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": table}
     described = _manifest(stage, version)
     write_folder(out, files, described)
-    return CompiledStage(Path(out), described, (*files, MANIFEST), vectors)
+    return CompiledStage(Path(out), described, (*files, MANIFEST_FILE), vectors)
 
 
-def _refuse(rig: BodyRig, io: Io, rate: float | None) -> None:
+def _refuse_uncompilable(rig: BodyRig, io: Io, rate: float | None) -> None:
     """Refuse what cannot be compiled, or is not what the rig file says."""
     if io == "q15" or (io == "q31" and rig.settings.tracking.format != "fixed"):
         raise InputError(
@@ -105,7 +117,7 @@ def _refuse(rig: BodyRig, io: Io, rate: float | None) -> None:
     if rate is not None and rate != own:
         text = f"timing.rate_Hz: is {own:g} Hz here and {rate:g} Hz in --rate; make them equal"
         raise InputError(f"{rig.path}: {text}", code="option-differs", key="timing.rate_Hz")
-    if rig.settings.heads_stand:
+    if rig.settings.has_ground_heads:
         text = "sensor.stands: a compiled controller has no heads on the ground; leave it out"
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="sensor.stands")
     if control.calibrate:
@@ -114,101 +126,120 @@ def _refuse(rig: BodyRig, io: Io, rate: float | None) -> None:
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="control.calibrate")
 
 
-def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
+def _describe_controller(setup: StageSetup, kind: str, name: str) -> StageController:
     """Return every number of a controller."""
     rig, file, timing = setup.rig, setup.rig.settings, setup.rig.settings.timing
-    settings = controller_settings(setup) | watch_settings(rig)
-    body = setup.believed.settings
-    own = {"pull": pull_rows(file), "mass": mass_matrix(body), "weight": weight(body)}
-    own["yields"] = np.array([yields(file)])
+    settings = controller_settings(setup) | monitoring_settings(rig)
+    body = setup.assumed_rig.settings
+    plant_rows = {
+        "pull": magnet_rows(file),
+        "mass": mass_matrix(body),
+        "weight": weight_wrench(body),
+    }
+    plant_rows["yields"] = np.array([axis_yields(file)])
     return StageController(
         name=name,
         rig=file.name,
         sha256=hashlib.sha256(rig.path.read_bytes()).hexdigest(),
         kind=kind,
         rate=timing.rate_Hz,
-        ahead=rig.late,
+        feedforward_lead=rig.loop_delay,
         free=file.body.free,
-        rows=axes_rows(setup) | own,
-        against=opposed(file),
+        rows=controller_matrices(setup) | plant_rows,
+        opponents=opposing_magnets(file),
         settings=settings,
-        force_min=least_of(file),
+        force_min=min_single_force(file),
         force_max=file.tracking.force_max_N,
-        magnets=setup.each,
-        correction=setup.correction,
-        codes=fixed_words(setup) if setup.law == "fixed" else None,
+        magnets=setup.compensators,
+        correction=setup.correction_rows,
+        fixed_controller=make_fixed_stage_controller(setup)
+        if setup.number_format == "fixed"
+        else None,
     )
 
 
-def fly_vectors(setup: StageSetup) -> dict[str, FloatArray]:
+def golden_vectors(setup: StageSetup) -> dict[str, FloatArray]:
     """Fly the test set-point and return what the controller was given and answered, by column.
 
     The answers are those of a fresh controller to inputs in its own format. Where it looks at
     currents, none is read of the first magnet in the end; then it is let go, lifted and set down.
     """
     file = setup.rig.settings
-    magnets, heads = len(file.placed), len(file.position_sensors)
-    controller, begin, end = axes_controller(setup), heads, heads + len(file.body.free)
-    given = _signals(setup, _flown(setup), begin, end)
+    magnets, heads = len(file.body_magnets), len(file.position_sensors)
+    controller, wrench_row, gap_row = (
+        make_axes_controller(setup),
+        heads,
+        heads + len(file.body.free),
+    )
+    inputs = _encode_inputs(setup, _simulate_inputs(setup), wrench_row, gap_row)
     if file.tracking.lost_A is not None:
-        given[end + magnets, -DEAD_ROWS:] = 0.0
-    commands, answers = np.zeros(len(given.T), dtype=given.dtype), []
-    for ahead, command in enumerate((Command.LAND, Command.LIFT, Command.IDLE), 1):
-        commands[-COMMAND_ROWS * ahead] = command
-    for row in np.vstack([given, commands]).T.tolist():
-        gap, read = row[end : end + magnets], row[end + magnets : -1]
-        answer = controller.tick(row[:begin], row[begin:end], gap, read, int(row[-1]))
+        inputs[gap_row + magnets, -LOST_MAGNET_ROWS:] = 0.0
+    commands, answers = np.zeros(len(inputs.T), dtype=inputs.dtype), []
+    for position, command in enumerate((Command.LAND, Command.LIFT, Command.IDLE), 1):
+        commands[-ROWS_PER_COMMAND * position] = command
+    for row in np.vstack([inputs, commands]).T.tolist():
+        gap, read = row[gap_row : gap_row + magnets], row[gap_row + magnets : -1]
+        answer = controller.tick(row[:wrench_row], row[wrench_row:gap_row], gap, read, int(row[-1]))
         answers.append([*answer[0], *answer[1], *answer[2:]])
-    signals = [*given, commands, *np.array(answers).T]
-    form = stage_form(file.body.free, heads, magnets)
-    return dict(zip(map(column_of, form.record), signals, strict=True))
+    signals = [*inputs, commands, *np.array(answers).T]
+    form = make_stage_record(file.body.free, heads, magnets)
+    return dict(zip(map(record_column_name, form.record), signals, strict=True))
 
 
-def _signals(setup: StageSetup, given: FloatArray, begin: int, end: int) -> NDArray[Any]:
+def _encode_inputs(
+    setup: StageSetup, inputs: FloatArray, wrench_row: int, gap_row: int
+) -> NDArray[Any]:
     """Return what a controller is given in its own format.
 
     From `begin` on stands the wrench, from `end` on gaps and currents.
     """
-    if setup.law != "fixed":
-        return given.astype(np.float32)
-    scales, magnets = fixed_words(setup).scales, len(setup.rig.settings.placed)
-    heads, forward = codes(given[:begin], scales.head), given[begin:end]
-    gaps, currents = given[end : end + magnets], given[end + magnets :]
-    rows = [heads, codes(forward, scales.wrench[:, None]), scales.gaps(gaps)]
-    return np.vstack([*rows, codes(currents, scales.current)]).astype(np.int32)
+    if setup.number_format != "fixed":
+        return inputs.astype(np.float32)
+    scales, magnets = (
+        make_fixed_stage_controller(setup).scales,
+        len(setup.rig.settings.body_magnets),
+    )
+    heads, forward = signal_codes(inputs[:wrench_row], scales.head), inputs[wrench_row:gap_row]
+    gaps, currents = inputs[gap_row : gap_row + magnets], inputs[gap_row + magnets :]
+    rows = [heads, signal_codes(forward, scales.wrench[:, None]), scales.gaps(gaps)]
+    return np.vstack([*rows, signal_codes(currents, scales.current)]).astype(np.int32)
 
 
-def _flown(setup: StageSetup) -> FloatArray:
+def _simulate_inputs(setup: StageSetup) -> FloatArray:
     """Return what the controller is given: heads off their target, wrench, gaps and currents."""
     rig, file = setup.rig, setup.rig.settings
-    motion = motion_of(file.scan, file.scan.test_m_per_s2)
-    rows = min(ROWS, ticks_of(rig, motion))
-    time = instants(rig, rows + 1)
-    wrench = fed_wrench(setup.believed, feed(setup, motion, Feedforward())[:rows])
-    scenario = scenario_along(rig, motion.at(time)[0], stray(rig, motion, time), wrench)
+    motion = scan_motion(file.scan, file.scan.test_m_per_s2)
+    rows = min(MAX_FLIGHT_ROWS, motion_ticks(rig, motion))
+    time = tick_times(rig, rows + 1)
+    wrench = feedforward_wrench(
+        setup.assumed_rig, feedforward_force(setup, motion, Feedforward())[:rows]
+    )
+    scenario = scan_scenario(
+        rig, motion.derivatives_at(time)[0], frame_stray(rig, motion, time), wrench
+    )
     target, run = scenario.target, SimulatedLoop(setup).run(scenario)
-    if loss := stage_loss(rig, run, rows):
+    if loss := find_stage_loss(rig, run, rows):
         text = f"{rig.path}: the stage is lost in flight: {loss.reason}; correct it"
         raise NegativeResult(f"{text} with anhyst simulate", code="lost")
-    magnets, heads = len(file.placed), len(file.position_sensors)
-    read = [run[column("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]
-    off = np.array(read[magnets:])
-    for head, row in enumerate(axes_rows(setup)["at"].tolist()):
+    magnets, heads = len(file.body_magnets), len(file.position_sensors)
+    read = [run[column_name("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]
+    head_errors = np.array(read[magnets:])
+    for head, row in enumerate(controller_matrices(setup)["at"].tolist()):
         for axis, part in enumerate(row):
-            off[head] -= part * target[:, axis]
-    currents = (run[one] for one in of_magnets([("current_read", "A")], 1, magnets))
-    return np.vstack([off, wrench.T, read[:magnets], *currents])
+            head_errors[head] -= part * target[:, axis]
+    currents = (run[one] for one in magnet_columns([("current_read", "A")], 1, magnets))
+    return np.vstack([head_errors, wrench.T, read[:magnets], *currents])
 
 
 def _manifest(stage: StageController, version: str) -> dict[str, Any]:
     """Return the manifest without the list of files."""
     return {
-        "format": VERSION,
+        "format": MANIFEST_VERSION,
         "anhyst": version,
         "name": stage.name,
         "rig": {"name": stage.rig, "sha256": stage.sha256},
         "kind": stage.kind,
-        "io": "f32" if stage.codes is None else "q31",
+        "io": "f32" if stage.fixed_controller is None else "q31",
         "rate_Hz": stage.rate,
         "memory": {"parameters_bytes": stage.parameters_bytes},
         "controller": None,
@@ -216,9 +247,13 @@ def _manifest(stage: StageController, version: str) -> dict[str, Any]:
             "free": list(stage.free),
             "heads": len(stage.rows["at"]),
             "magnets": len(stage.magnets),
-            "force_to_current": "q31" if stage.fixed else "f32",
-            **({} if stage.codes is None else {"full_scale": stage.codes.scales.as_dict()}),
-            "ahead_s": stage.ahead,
+            "force_to_current": "q31" if stage.is_fixed else "f32",
+            **(
+                {}
+                if stage.fixed_controller is None
+                else {"full_scale": stage.fixed_controller.scales.as_dict()}
+            ),
+            "ahead_s": stage.feedforward_lead,
             "mass": stage.rows["mass"].tolist(),
             "weight": stage.rows["weight"].tolist(),
             "at": stage.rows["at"].tolist(),

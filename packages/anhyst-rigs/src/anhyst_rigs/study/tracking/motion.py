@@ -17,29 +17,29 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import PROBED, MethodName
+from anhyst.support.kinds import FLUX_PROBE_METHODS, MethodName
 from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.calibration import CENTRE, ParameterName, kind_of
+from anhyst_rigs.rig.calibration import CENTRE_PARAMETERS, ParameterName, parameter_kind
 
-FILTER_HZ = 250.0
+FILTER_CORNER_HZ = 250.0
 """Corner of the three poles that both sides pass; a twentieth of the ticks at most."""
-UPDATES_HZ = 1000.0
+COMPARISON_RATE_HZ = 1000.0
 """How often the two sides are compared."""
-DEAD = 0.06
+MIN_DEMAND_RATIO = 0.06
 """Nothing is learnt below this part of the largest force: at rest any load would be taken for one."""
-AMPLIFIER = 16.0
+MIN_AMPLIFIER_BANDWIDTH_RATIO = 16.0
 """Bandwidth that an amplifier must have, in corners of the filter: what it lags is not counted."""
-WIDTHS = 0.005
+WIDTH_GRID_STEP = 0.005
 """A law is fitted anew for widths on this grid."""
 
 
-def refuse_uncalibratable(rig: BodyRig) -> None:
+def refuse_slow_amplifier(rig: BodyRig) -> None:
     """Refuse a stage whose motion would teach something else than what its magnets are off by."""
-    file, least = rig.settings, AMPLIFIER * FILTER_HZ
-    if file.amplifier.bandwidth_Hz < least:
+    file, min_bandwidth_Hz = rig.settings, MIN_AMPLIFIER_BANDWIDTH_RATIO * FILTER_CORNER_HZ
+    if file.amplifier.bandwidth_Hz < min_bandwidth_Hz:
         raise InputError(
-            f"{rig.path}: amplifier.bandwidth_Hz: is below {least:g} Hz, and its lag would be "
+            f"{rig.path}: amplifier.bandwidth_Hz: is below {min_bandwidth_Hz:g} Hz, and its lag would be "
             "taken for the iron's; calibrate with a faster amplifier",
             code="amplifier-too-slow",
             key="amplifier.bandwidth_Hz",
@@ -58,67 +58,69 @@ class Motion(ABC):
     """What was read while a body moved, and what it did."""
 
     rig: BodyRig
-    read: Mapping[str, FloatArray]  # by column
-    begin: int = 0  # tick from which on it teaches; before, it only tells what the iron remembers
+    columns: Mapping[str, FloatArray]  # by column
+    first_compared_tick: int = (
+        0  # tick from which on it teaches; before, it only tells what the iron remembers
+    )
 
     @property
-    def rows(self) -> int:
+    def comparisons_per_tick(self) -> int:
         """How many numbers are compared at one tick."""
         return 1
 
     @property
-    def ticks(self) -> FloatArray:
+    def tick_numbers(self) -> FloatArray:
         """Number of each tick."""
-        return np.arange(self.read["gap_read_m"].size, dtype=np.float64)
+        return np.arange(self.columns["gap_read_m"].size, dtype=np.float64)
 
-    def filtered(self, force: FloatArray, late: float = 0.0) -> FloatArray:
+    def filter_force(self, force: FloatArray, delay_ticks: float = 0.0) -> FloatArray:
         """Return a force that acts so many ticks late, through the filter of both sides."""
-        share = -math.expm1(-2.0 * math.pi * min(FILTER_HZ * self.rig.dt, 0.05))
-        passed = np.interp(self.ticks - late, self.ticks, force)
+        gain = -math.expm1(-2.0 * math.pi * min(FILTER_CORNER_HZ * self.rig.dt, 0.05))
+        passed = np.interp(self.tick_numbers - delay_ticks, self.tick_numbers, force)
         for _ in range(3):
-            passed = lfilter([share], [1.0, share - 1.0], passed)
+            passed = lfilter([gain], [1.0, gain - 1.0], passed)
         return np.asarray(passed)
 
     @property
     @abstractmethod
-    def pushed(self) -> FloatArray:
+    def measured_force(self) -> FloatArray:
         """What the magnets must have pushed with, by the motion, filtered, N."""
 
     @property
     @abstractmethod
-    def by_body(self) -> Mapping[ParameterName, FloatArray]:
+    def force_per_unit(self) -> Mapping[ParameterName, FloatArray]:
         """What the numbers of the body push with, for each unit of them, filtered, N."""
 
     @property
     @abstractmethod
-    def noise(self) -> float:
+    def force_noise(self) -> float:
         """Standard deviation of the force of the motion from the noise of its sensors, N."""
 
     @property
     @abstractmethod
-    def compared(self) -> NDArray[np.intp]:
+    def compared_indices(self) -> NDArray[np.intp]:
         """Places at which both sides are compared."""
 
     @property
-    def force(self) -> float:
+    def force_rms(self) -> float:
         """Force of which a law leaves a part, root mean square, N."""
-        return rms(self.pushed[self.compared])
+        return rms(self.measured_force[self.compared_indices])
 
     @property
-    def passed(self) -> float:
+    def noise_gain(self) -> float:
         """Noise of an acceleration after the filter, in that of its position, 1/s2."""
-        tick = np.zeros(self.ticks.size)
-        tick[:3] = 1.0, -2.0, 1.0
-        return float(np.linalg.norm(self.filtered(tick))) / self.rig.dt**2
+        second_difference = np.zeros(self.tick_numbers.size)
+        second_difference[:3] = 1.0, -2.0, 1.0
+        return float(np.linalg.norm(self.filter_force(second_difference))) / self.rig.dt**2
 
     @property
-    def late(self) -> float:
+    def delay_ticks(self) -> float:
         """Ticks from a command to its force: dead time and half a tick.
 
         The integral of an amplifier leaves no lag of what is slower than the filter here.
         """
-        dead = self.rig.settings.amplifier.delay_s / self.rig.dt
-        return self.rig.settings.timing.delay_ticks + 0.5 + dead
+        amplifier_delay = self.rig.settings.amplifier.delay_s / self.rig.dt
+        return self.rig.settings.timing.delay_ticks + 0.5 + amplifier_delay
 
 
 class MotionLaw(ABC):
@@ -127,62 +129,72 @@ class MotionLaw(ABC):
     rig: BodyRig
     method: MethodName
     names: Sequence[ParameterName]  # all numbers of it, in the order of files
-    moved: Sequence[ParameterName]  # those that a motion may move
-    trust: float  # standard deviation of a comparison, in parts of the largest force
-    seen: float  # of its prior standard deviation: a number with more left is called not seen
-    leaves: float  # of the moving force: what is left at most where a law fits
+    estimable_names: Sequence[ParameterName]  # those that a motion may move
+    comparison_sigma_ratio: (
+        float  # standard deviation of a comparison, in parts of the largest force
+    )
+    max_sigma_ratio: (
+        float  # of its prior standard deviation: a number with more left is called not seen
+    )
+    max_residual_ratio: float  # of the moving force: what is left at most where a law fits
     force_max: float  # largest force that is asked for, N
-    needed: Sequence[str]  # columns of a recording without which nothing is learnt
-    helpful: Sequence[str]  # columns that help, where a recording has them
+    required_columns: Sequence[str]  # columns of a recording without which nothing is learnt
+    optional_columns: Sequence[str]  # columns that help, where a recording has them
 
-    def left_out(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
+    def uncalibratable_methods(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
         """Return the methods of which the recordings do not say enough: those of flux probes."""
         del motions
-        return PROBED
+        return FLUX_PROBE_METHODS
 
-    def known_from(self, motions: Sequence[Motion]) -> Mapping[str, Any]:
+    def law_options(self, motions: Sequence[Motion]) -> Mapping[str, Any]:
         """Return what a law is told of what the recordings hold."""
         del motions
         return {}
 
     @abstractmethod
-    def begins_in_motion(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
+    def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
         """Return what shows that a recording begins in motion: what iron remembers is not known."""
 
-    def wrong_sign(self, motion: Motion) -> ColumnFault | None:
+    def find_wrong_sign(self, motion: Motion) -> ColumnFault | None:
         """Return what shows that the demand counts the other way than the body goes."""
         del motion
         return None
 
-    def prior(self, name: ParameterName) -> float:
+    def prior_sigma(self, name: ParameterName) -> float:
         """Return the standard deviation that the rig file states for a number."""
         spread = self.rig.settings.spread
-        of_probe = self.method in PROBED
+        uses_probe = self.method in FLUX_PROBE_METHODS
         return {
-            "scale": 0.01 * (spread.hall_percent if of_probe else spread.current_percent),
+            "scale": 0.01 * (spread.hall_percent if uses_probe else spread.current_percent),
             "gap_zero_m": spread.gap_zero_m,
             "width": 0.01 * spread.pinning_percent,
             "lag_s": spread.eddy_s,
             "bias_N": 0.01 * self.force_max,
             "payload": 0.01 * spread.payload_percent,
             "cable_N_per_m": spread.cable_N_per_m,
-            **dict.fromkeys(CENTRE, spread.centre_m),
-        }[kind_of(name)]
+            **dict.fromkeys(CENTRE_PARAMETERS, spread.centre_m),
+        }[parameter_kind(name)]
 
     @abstractmethod
-    def motion(self, read: Mapping[str, FloatArray], begin: int = 0) -> Motion:
+    def make_motion(
+        self, columns: Mapping[str, FloatArray], first_compared_tick: int = 0
+    ) -> Motion:
         """Take a motion as it was read."""
 
-    def shows(self, motion: Motion, name: ParameterName) -> bool:
+    def is_excited(self, motion: Motion, name: ParameterName) -> bool:
         """Whether a motion can show a number."""
         del motion, name
         return True
 
     @abstractmethod
-    def net(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
+    def net_force(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
         """Return the net force along a path by the law with some numbers, filtered, N."""
 
 
-def on_grid(name: ParameterName, value: float) -> float:
+def round_to_grid(name: ParameterName, value: float) -> float:
     """Return the value of a parameter that a law can be fitted with."""
-    return round(value / WIDTHS) * WIDTHS if kind_of(name) == "width" else value
+    return (
+        round(value / WIDTH_GRID_STEP) * WIDTH_GRID_STEP
+        if parameter_kind(name) == "width"
+        else value
+    )

@@ -18,11 +18,11 @@ from typing import ClassVar, Self, TypeVar
 from anhyst.support.errors import InputError
 from anhyst_rigs.study.engine.table import Metric
 
-MISSED = 1e3
+MISSED_AIM_COST = 1e3
 """Cost of gains that miss an aim, in SI units; what they miss is added."""
-_MOST = 100.0
+_MAX_RELATIVE_EXCESS = 100.0
 """By which an aim is missed at most: what is infinite must have a cost too."""
-LOST = 1e6
+LOST_BODY_COST = 1e6
 """Cost of gains that do not hold the body."""
 
 
@@ -30,41 +30,41 @@ LOST = 1e6
 class GainFigures:
     """What gains reach, as the worst of everything that was tried."""
 
-    least: ClassVar[str]  # figure by which gains that miss no aim are ordered
+    cost_name: ClassVar[str]  # figure by which gains that miss no aim are ordered
     settling_time_s: float = 0.0
     peak_sensitivity: float = 0.0
     standstill_rms_m: float = 0.0
     current_rate_rms_A_per_s: float = 0.0  # rate of change of a current, the largest
 
-    def named(self) -> dict[str, float]:
+    def by_name(self) -> dict[str, float]:
         """Return them by name, in the order of every table."""
-        return {name: getattr(self, name) for name in TITLES if hasattr(self, name)}
+        return {name: getattr(self, name) for name in GAIN_METRICS if hasattr(self, name)}
 
-    def worse(self, other: Self) -> Self:
+    def merge_worst(self, other: Self) -> Self:
         """Return the worse of each."""
-        theirs = other.named()
-        return type(self)(**{name: max(one, theirs[name]) for name, one in self.named().items()})
+        theirs = other.by_name()
+        return type(self)(**{name: max(one, theirs[name]) for name, one in self.by_name().items()})
 
     @property
     def cost(self) -> float:
         """The figure by which gains that miss no aim are ordered."""
-        return float(getattr(self, self.least))
+        return float(getattr(self, self.cost_name))
 
     @classmethod
-    def lost(cls) -> Self:
+    def for_lost_body(cls) -> Self:
         """Return the figures of gains that do not hold the body."""
         return cls(*[math.inf] * len(fields(cls)))
 
 
 @dataclass(frozen=True)
-class Figures(GainFigures):
+class BearingFigures(GainFigures):
     """Of a bearing.
 
     The settling time is that until the gap stays within 2 % of the height of a step, mean of both
     directions; the sensitivity is measured with a sine that is added to the position sensor.
     """
 
-    least = "settling_time_s"
+    cost_name = "settling_time_s"
     overshoot_percent: float = 0.0  # of the height of a step; of both directions, the larger one
 
 
@@ -76,7 +76,7 @@ class StageFigures(GainFigures):
     the sensitivity is that of the linear loop.
     """
 
-    least = "average_m"
+    cost_name = "average_m"
     average_m: float = 0.0  # largest moving average over the slit
     error_peak_m: float = 0.0  # largest error
 
@@ -85,11 +85,11 @@ class StageFigures(GainFigures):
 class PiezoFigures(GainFigures):
     """Of a piezo stage on its triangle; the sensitivity is that of the linear loop."""
 
-    least = "error_rms_m"
+    cost_name = "error_rms_m"
     error_rms_m: float = 0.0
     error_peak_m: float = 0.0
 
-    def named(self) -> dict[str, float]:
+    def by_name(self) -> dict[str, float]:
         """Return them by name; a triangle has no settling and no standstill."""
         names = ("error_rms_m", "error_peak_m", "peak_sensitivity")
         return {name: getattr(self, name) for name in names}
@@ -101,12 +101,12 @@ class GainMetric(Metric):
 
     digits: int = 2  # behind the point, in tables
 
-    def limit_text(self, limit: float) -> str:
+    def format_limit(self, limit: float) -> str:
         """Write a limit with its unit."""
         return f"{self.factor * limit:g} {self.unit}".rstrip()
 
 
-TITLES: Mapping[str, GainMetric] = {
+GAIN_METRICS: Mapping[str, GainMetric] = {
     one.key: one
     for one in (
         GainMetric("overshoot_percent", "overshoot", "%"),
@@ -121,9 +121,9 @@ TITLES: Mapping[str, GainMetric] = {
 }
 
 
-def text_of(name: str, value: float) -> str:
+def format_figure(name: str, value: float) -> str:
     """Write a figure with its unit."""
-    metric = TITLES[name]
+    metric = GAIN_METRICS[name]
     number = f"{metric.factor * value:.3g}" if math.isfinite(value) else "unlimited"
     return f"{metric.title} {number} {metric.unit}".rstrip()
 
@@ -165,7 +165,7 @@ class Aims:
             if (limit := getattr(self, field.name)) is not None
         }
 
-    def misses(self, figures: GainFigures) -> dict[str, float]:
+    def missed_by(self, figures: GainFigures) -> dict[str, float]:
         """Return by how much of its limit every missed aim is missed.
 
         To have no settling time, or no moving average, is a miss even without a limit, by the whole
@@ -175,17 +175,17 @@ class Aims:
             name: float(getattr(figures, name)) / limit - 1.0 for name, limit in self.limits.items()
         }
         if not math.isfinite(figures.cost):
-            found.setdefault(figures.least, 1.0)
+            found.setdefault(figures.cost_name, 1.0)
         return {name: over for name, over in found.items() if over > 0.0}
 
     def cost(self, figures: GainFigures) -> float:
         """Return what is to be made small; gains that miss no aim cost the figure that orders them."""
-        misses = self.misses(figures).values()
+        misses = self.missed_by(figures).values()
         if misses:
-            return MISSED + sum(min(over, _MOST) for over in misses)
+            return MISSED_AIM_COST + sum(min(over, _MAX_RELATIVE_EXCESS) for over in misses)
         return figures.cost
 
-    def tightened(self, factors: Mapping[str, float]) -> Aims:
+    def with_scaled_limits(self, factors: Mapping[str, float]) -> Aims:
         """Return aims whose limits are those of this one times some factors."""
         limits = {name: limit * factors.get(name, 1.0) for name, limit in self.limits.items()}
         limits["peak_sensitivity"] = max(limits["peak_sensitivity"], 1.01)
@@ -195,6 +195,6 @@ class Aims:
 F = TypeVar("F", bound=GainFigures)
 
 
-def worst_of(figures: Iterable[F]) -> F:
+def merge_worst_figures(figures: Iterable[F]) -> F:
     """Return the worst of each figure."""
-    return reduce(lambda one, other: one.worse(other), figures)
+    return reduce(lambda one, other: one.merge_worst(other), figures)

@@ -13,38 +13,44 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.support.jobs import all_of
-from anhyst.support.numeric import FloatArray, spaced
+from anhyst.support.jobs import map_ordered
+from anhyst.support.numeric import FloatArray, geometric_spacing
 from anhyst_rigs.rig.bearing.loop import BearingSetup
-from anhyst_rigs.rig.bearing.scenario import steps_up_and_down
+from anhyst_rigs.rig.bearing.scenario import plan_steps
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.loop import SimulatedLoop
-from anhyst_rigs.study.bearing.linear import CurrentLoop
+from anhyst_rigs.study.bearing.linear import AnalogueAmplifier
 from anhyst_rigs.study.bearing.responses import (
     Sensitivity,
     StepCell,
     StepRun,
     compare_steps,
     default_seeds,
-    merged,
+    measure_loop_sensitivity,
+    merge_directions,
     run_steps,
-    sweep,
 )
-from anhyst_rigs.study.tuning.aims import TITLES, Aims, Figures
-from anhyst_rigs.study.tuning.search import FIRMNESS, Screen, make_screen, refine
-from anhyst_rigs.study.tuning.trial import Check, Condition, GainSpace, Limit, what_helps
+from anhyst_rigs.study.tuning.aims import GAIN_METRICS, Aims, BearingFigures
+from anhyst_rigs.study.tuning.search import SLOPE_FRACTIONS, Screen, make_screen, minimise_cost
+from anhyst_rigs.study.tuning.trial import (
+    BearingCondition,
+    BearingSpace,
+    CheckResult,
+    Limit,
+    find_helpful_changes,
+)
 
-HOLD_S = 0.03
+MAX_SEARCH_HOLD_S = 0.03
 """Longest time for which a position is held in the search, s; checks hold as the rig file says."""
-_BOUNDS = (0.55, 0.7, 1.0)  # parts of the aimed peak: where the front is looked at
+_PEAK_FACTORS = (0.55, 0.7, 1.0)  # parts of the aimed peak: where the front is looked at
 
 
-def default_conditions(rig: BodyRig) -> tuple[Condition, ...]:
+def default_conditions(rig: BodyRig) -> tuple[BearingCondition, ...]:
     """Return all gaps of a rig file with its load and with two thirds of it."""
     tried, load = rig.settings, rig.settings.load.force_N
     return tuple(
-        Condition(gap, force)
+        BearingCondition(gap, force)
         for gap in dict.fromkeys(tried.step_gaps_m)
         for force in dict.fromkeys([load, load * 2.0 / 3.0])
     )
@@ -55,74 +61,79 @@ class BearingLoop:
     """A variant behind the controller of a bearing."""
 
     setup: BearingSetup
-    conditions: tuple[Condition, ...]
+    conditions: tuple[BearingCondition, ...]
 
     @property
-    def space(self) -> GainSpace:
+    def space(self) -> BearingSpace:
         """The box that is searched."""
         plant = self.setup.rig.settings
-        return GainSpace(plant.timing.rate_Hz, plant.body.mass_kg)
+        return BearingSpace(plant.timing.rate_Hz, plant.body.mass_kg)
 
-    def at(self, point: FloatArray) -> BearingLoop:
+    def with_gains_at(self, point: FloatArray) -> BearingLoop:
         """Return the same with the gains at a point of the box."""
-        table = self.space.controller(point, self.setup.controller)
+        table = self.space.make_controller_table(point, self.setup.controller)
         return replace(self, setup=replace(self.setup, controller=table))
 
-    def brief(self) -> BearingLoop:
+    def for_search(self) -> BearingLoop:
         """Return the same with steps that are held no longer than they take to settle."""
         rig = self.setup.rig
-        hold = min(rig.settings.step.hold_s, HOLD_S)
-        return replace(self, setup=replace(self.setup, rig=changed(rig, {"step.hold_s": hold})))
+        hold = min(rig.settings.step.hold_s, MAX_SEARCH_HOLD_S)
+        return replace(self, setup=replace(self.setup, rig=change_rig(rig, {"step.hold_s": hold})))
 
-    def make(self) -> None:
+    def make_controller(self) -> None:
         """Make the controller; InputError where fixed point cannot hold its gains."""
         self.setup.make_controller()
 
     def figures(
-        self, condition: Condition, aims: Aims, ceiling: float, seed: int
-    ) -> Figures | None:
+        self, condition: BearingCondition, aims: Aims, ceiling: float, seed: int
+    ) -> BearingFigures | None:
         """Run steps and sine at one condition; None if the armature was not held."""
         setup = self.setup
         heights = tuple(setup.rig.settings.step.heights_m)
         steps, lost = run_steps(StepRun(setup, condition.gap, heights, condition.load, seed))
         if lost is not None:
             return None
-        rows = [merged(steps, height) for height in dict.fromkeys(step.height for step in steps)]
-        outcome = _worst([row for row in rows if row is not None])
+        rows = [
+            merge_directions(steps, height)
+            for height in dict.fromkeys(step.height for step in steps)
+        ]
+        outcome = _worst_figures([row for row in rows if row is not None])
         if aims.cost(outcome) > ceiling:
             return outcome  # a sine cannot make it better
         # The few frequencies where a loop that is fast enough has its peak.
         rate = setup.rig.settings.timing.rate_Hz
-        tried = spaced(rate / 160.0, rate / 10.0, 11)
-        measured = sweep(setup, condition.gap, condition.load, tried, seed)
+        tried = geometric_spacing(rate / 160.0, rate / 10.0, 11)
+        measured = measure_loop_sensitivity(setup, condition.gap, condition.load, tried, seed)
         if measured is None:
             return None
-        return replace(outcome, peak_sensitivity=peak_of(measured))
+        return replace(outcome, peak_sensitivity=interpolate_peak(measured))
 
-    def starts(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
+    def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return what finds the points that linear loops like best.
 
         It does so for several peaks of the sensitivity and softnesses.
         """
-        screens = [make_screen(self.setup, self.conditions, one) for one in FIRMNESS]
-        stricter = [aims.tightened({"peak_sensitivity": bound}) for bound in _BOUNDS]
-        return [partial(self._liked, seed, (one, two)) for one in screens for two in stricter]
+        screens = [make_screen(self.setup, self.conditions, one) for one in SLOPE_FRACTIONS]
+        stricter = [aims.with_scaled_limits({"peak_sensitivity": bound}) for bound in _PEAK_FACTORS]
+        return [
+            partial(self._find_best_point, seed, (one, two)) for one in screens for two in stricter
+        ]
 
-    def _liked(self, seed: int, task: tuple[Screen, Aims]) -> FloatArray:
+    def _find_best_point(self, seed: int, task: tuple[Screen, Aims]) -> FloatArray:
         screen, aims = task
-        return refine(partial(self._costs, screen, aims), len(self.space.axes), seed)
+        return minimise_cost(partial(self._linear_costs, screen, aims), len(self.space.axes), seed)
 
-    def _costs(self, screen: Screen, aims: Aims, points: FloatArray) -> FloatArray:
-        gains = self.space.per_tick(points, self.setup.controller)
-        return screen.look(gains).costs(aims, screen.horizon)
+    def _linear_costs(self, screen: Screen, aims: Aims, points: FloatArray) -> FloatArray:
+        gains = self.space.gains_per_tick(points, self.setup.controller)
+        return screen.evaluate(gains).costs(aims, screen.horizon_s)
 
-    def least_settling(self, seed: int, eased: tuple[Screen, Aims]) -> float:
+    def minimum_settling_time(self, seed: int, changed: tuple[Screen, Aims]) -> float:
         """Return the settling time of the best gains for linear loops, s; infinite if none will do."""
-        best = self._liked(seed, eased)
-        cost = float(self._costs(*eased, best[None, :])[0])
-        return cost if cost <= eased[0].horizon else math.inf
+        best = self._find_best_point(seed, changed)
+        cost = float(self._linear_costs(*changed, best[None, :])[0])
+        return cost if cost <= changed[0].horizon_s else math.inf
 
-    def check(self, jobs: int | None = None) -> Check:
+    def check(self, jobs: int | None = None) -> CheckResult:
         """Run the steps of all conditions with every noise seed, and a fine swept sine at each."""
         setup, conditions = self.setup, self.conditions
         seeds = default_seeds(setup.rig)
@@ -130,20 +141,20 @@ class BearingLoop:
         gaps = list(dict.fromkeys(one.gap for one in conditions))
         loads = list(dict.fromkeys(one.load for one in conditions))
         cells = compare_steps([setup], gaps, heights, loads, list(seeds), jobs=jobs)
-        measured = all_of(partial(_sweep, setup), list(conditions), jobs=jobs)
+        measured = map_ordered(partial(_measure_sensitivity, setup), list(conditions), jobs=jobs)
         figures, peaks = {}, {}
         for condition, response in zip(conditions, measured, strict=True):
             mine = [
                 cell for cell in cells if (cell.gap, cell.load) == (condition.gap, condition.load)
             ]
-            figures[condition] = _figures(mine, response)
+            figures[condition] = _condition_figures(mine, response)
             peaks[condition] = math.inf if response is None else response.peak_frequency
         worst = {
             name: max(kept, key=lambda each: each.figures[name].mean)
-            for name in TITLES
+            for name in GAIN_METRICS
             if (kept := [cell for cell in cells if name in cell.figures])
         }
-        return Check(
+        return CheckResult(
             figures,
             peaks,
             len(seeds),
@@ -152,15 +163,17 @@ class BearingLoop:
             {"steps": [cell.as_dict() for cell in cells]},
         )
 
-    def limits(self, aims: Aims, reached: Check, seed: int, jobs: int | None = None) -> list[Limit]:
+    def find_limits(
+        self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
+    ) -> list[Limit]:
         """Report what limits gains that were found and checked."""
-        if not math.isfinite(reached.worst.cost):
+        if not math.isfinite(check_result.worst.cost):
             return [Limit("settling_time_s", "no gains settled within the hold at every condition")]
         return [
-            *reached.near(aims),
-            *_noise(self.setup, reached),
-            *_used_up(self.setup, self.conditions, seed, jobs),
-            *_would_help(self, aims, seed, jobs),
+            *check_result.find_binding_aims(aims),
+            *_noise_limits(self.setup, check_result),
+            *_saturation_limits(self.setup, self.conditions, seed, jobs),
+            *_find_helpful_changes(self, aims, seed, jobs),
         ]
 
     def gains(self) -> dict[str, float]:
@@ -177,7 +190,7 @@ class BearingLoop:
         }
 
     @property
-    def tried(self) -> str:
+    def trial_text(self) -> str:
         """What is tried at every condition."""
         heights = self.setup.rig.settings.step.heights_m
         return f"steps of {', '.join(f'{1e6 * one:g}' for one in heights)} um up and down"
@@ -192,25 +205,25 @@ class BearingLoop:
             "steps_m": list(rig.step.heights_m),
         }
 
-    def meaning(self, numbers: Mapping[str, float]) -> list[str]:
+    def explain_parameters(self, parameters: Mapping[str, float]) -> list[str]:
         """Return lines that say what the numbers of a point mean."""
         return [
-            f"Poles of the moving mass: pair at {numbers['bandwidth_Hz']:.4g} Hz with damping "
-            f"{numbers['damping']:.3g}, real one at "
-            f"{numbers['bandwidth_Hz'] * numbers['real_pole']:.4g} Hz;",
-            f"virtual mass {100.0 * numbers['virtual_mass']:.3g} % of the mass.",
+            f"Poles of the moving mass: pair at {parameters['bandwidth_Hz']:.4g} Hz with damping "
+            f"{parameters['damping']:.3g}, real one at "
+            f"{parameters['bandwidth_Hz'] * parameters['real_pole']:.4g} Hz;",
+            f"virtual mass {100.0 * parameters['virtual_mass']:.3g} % of the mass.",
         ]
 
 
-def _worst(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> Figures:
+def _worst_figures(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> BearingFigures:
     """Return the worst of each figure, with a peak of the sensitivity."""
-    names = set(rows[0]) & set(Figures().named())
-    return Figures(
+    names = set(rows[0]) & set(BearingFigures().by_name())
+    return BearingFigures(
         peak_sensitivity=peak, **{name: max(row[name] for row in rows) for name in names}
     )
 
 
-def peak_of(measured: Sensitivity) -> float:
+def interpolate_peak(measured: Sensitivity) -> float:
     """Return the peak, between frequencies too: of a parabola through the three largest values."""
     size = np.log(measured.magnitude)
     at = int(np.argmax(size))
@@ -221,28 +234,28 @@ def peak_of(measured: Sensitivity) -> float:
     return math.exp(middle - (right - left) ** 2 / (8.0 * bend)) if bend < 0.0 else measured.peak
 
 
-def _sweep(setup: BearingSetup, condition: Condition) -> Sensitivity | None:
+def _measure_sensitivity(setup: BearingSetup, condition: BearingCondition) -> Sensitivity | None:
     rate = setup.rig.settings.timing.rate_Hz
-    tried = spaced(rate / 500.0, rate / 8.0, 40)
-    return sweep(setup, condition.gap, condition.load, tried, 0)
+    tried = geometric_spacing(rate / 500.0, rate / 8.0, 40)
+    return measure_loop_sensitivity(setup, condition.gap, condition.load, tried, 0)
 
 
-def _figures(cells: Sequence[StepCell], measured: Sensitivity | None) -> Figures:
+def _condition_figures(cells: Sequence[StepCell], measured: Sensitivity | None) -> BearingFigures:
     if measured is None or any(cell.lost or not cell.figures for cell in cells):
-        return Figures.lost()
+        return BearingFigures.for_lost_body()
     means = [{name: one.mean for name, one in cell.figures.items()} for cell in cells]
-    return _worst(means, peak_of(measured))
+    return _worst_figures(means, interpolate_peak(measured))
 
 
-_AT = 0.995  # of what there is: counts as all of it
-_NOISES, _BAND = 3.0, 0.02  # standard deviations; of the smallest step
+_LIMIT_FRACTION = 0.995  # of what there is: counts as all of it
+_NOISE_SIGMAS, _SETTLING_BAND = 3.0, 0.02  # standard deviations; of the smallest step
 
 
-def _noise(setup: BearingSetup, reached: Check) -> list[Limit]:
+def _noise_limits(setup: BearingSetup, reached: CheckResult) -> list[Limit]:
     """Noise of the sensor, where it fills much of the band in which a small step must stay."""
     height = min(setup.rig.settings.step.heights_m)
     rest = reached.worst.standstill_rms_m
-    share = _NOISES * rest / (_BAND * height)
+    share = _NOISE_SIGMAS * rest / (_SETTLING_BAND * height)
     if share < 0.5:
         return []
     kind = setup.rig.settings.gap_sensor.kind
@@ -255,12 +268,12 @@ def _noise(setup: BearingSetup, reached: Check) -> list[Limit]:
     ]
 
 
-def _used_up(
-    setup: BearingSetup, conditions: Sequence[Condition], seed: int, jobs: int | None
+def _saturation_limits(
+    setup: BearingSetup, conditions: Sequence[BearingCondition], seed: int, jobs: int | None
 ) -> list[Limit]:
     """Report what the steps use up: the force that is allowed, the supply, the current."""
-    work = partial(_usage, setup, seed)
-    usages = list(zip(conditions, all_of(work, list(conditions), jobs=jobs), strict=True))
+    work = partial(_saturation_times, setup, seed)
+    usages = list(zip(conditions, map_ordered(work, list(conditions), jobs=jobs), strict=True))
     limits, amplifier = setup.controller.limits, setup.rig.settings.amplifier
     ends = {
         "force": f"the demand is at its limits of {limits.force_low_N:g} and "
@@ -283,57 +296,71 @@ def _used_up(
     return found
 
 
-def _usage(setup: BearingSetup, seed: int, condition: Condition) -> Mapping[str, float]:
+def _saturation_times(
+    setup: BearingSetup, seed: int, condition: BearingCondition
+) -> Mapping[str, float]:
     """Return for how long of a step each thing is used up, s."""
     rig, limits = setup.rig, setup.controller.limits
     heights = rig.settings.step.heights_m
-    scenario = steps_up_and_down(rig, setup.controller, condition.gap, heights, condition.load)
+    scenario = plan_steps(rig, setup.controller, condition.gap, heights, condition.load)
     recording = SimulatedLoop(setup, seed).run(scenario)
     longest = {"force": 0.0, "voltage": 0.0, "current": 0.0}
     for step in scenario.steps:
-        part = recording.part(step.begin, step.end)
-        spare = (1.0 - _AT) * limits.force_high_N
+        part = recording.slice_ticks(step.begin, step.end)
+        spare = (1.0 - _LIMIT_FRACTION) * limits.force_high_N
         demand, current = part["demand_N"], part["command_A"]
         high, low = limits.current_high_A, limits.current_low_A
         at_end = {
             "force": (demand >= limits.force_high_N - spare)
             | (demand <= limits.force_low_N + spare),
-            "voltage": np.abs(part["voltage_V"]) >= _AT * rig.settings.amplifier.supply,
-            "current": (current >= _AT * high) | (current <= low + (1.0 - _AT) * high),
+            "voltage": np.abs(part["voltage_V"]) >= _LIMIT_FRACTION * rig.settings.amplifier.supply,
+            "current": (current >= _LIMIT_FRACTION * high)
+            | (current <= low + (1.0 - _LIMIT_FRACTION) * high),
         }
         for what, ticks in at_end.items():
             longest[what] = max(longest[what], float(np.count_nonzero(ticks)) * rig.dt)
     return longest
 
 
-def _would_help(loop: BearingLoop, aims: Aims, seed: int, jobs: int | None) -> list[Limit]:
+def _find_helpful_changes(
+    loop: BearingLoop, aims: Aims, seed: int, jobs: int | None
+) -> list[Limit]:
     """Tune linear loops again with one thing eased at a time."""
     screen = make_screen(loop.setup, loop.conditions)
     loops = screen.loops
     overshoot = 2.0 * (aims.overshoot_percent or 0.0)
-    looser = aims.tightened({"overshoot_percent": 2.0})
+    looser = aims.with_scaled_limits({"overshoot_percent": 2.0})
     sooner = [
-        replace(one, chain=replace(one.chain, delay_ticks=0.5 * one.chain.delay_ticks))
+        replace(one, timing=replace(one.timing, delay_ticks=0.5 * one.timing.delay_ticks))
         for one in loops
     ]
     eased: dict[str, tuple[str, Screen, Aims]] = {
         "overshoot_percent": (f"an overshoot of {overshoot:g} %", screen, looser),
-        "force": ("half as much force again for the largest step", screen.stronger(1.5), aims),
-        "delay": ("half the delay from sample to current", screen.around(sooner), aims),
-        "pinning": ("an iron without pinning", screen.of(range(0, len(loops), 2)), aims),
+        "force": (
+            "half as much force again for the largest step",
+            screen.with_scaled_force(1.5),
+            aims,
+        ),
+        "delay": ("half the delay from sample to current", screen.with_loops(sooner), aims),
+        "pinning": ("an iron without pinning", screen.select_loops(range(0, len(loops), 2)), aims),
     }
     quick = [
-        replace(one, amplifier=CurrentLoop(2.0 * one.amplifier.gain, 2.0 * one.amplifier.reset))
+        replace(
+            one,
+            amplifier=AnalogueAmplifier(
+                2.0 * one.amplifier.gain, 2.0 * one.amplifier.integral_gain
+            ),
+        )
         for one in loops
-        if isinstance(one.amplifier, CurrentLoop)
+        if isinstance(one.amplifier, AnalogueAmplifier)
     ]
     if quick:
-        faster = screen.around(quick)
+        faster = screen.with_loops(quick)
         eased["amplifier"] = ("an amplifier of twice the bandwidth", faster, aims)
 
     def text(what: str, cost: float, base: float) -> str:
         would = f"{1e3 * cost:.2g} instead of {1e3 * base:.2g} ms"
         return f"with {what} linear loops would settle in {would}"
 
-    work = partial(loop.least_settling, seed)
-    return what_helps(work, screen, aims, eased, jobs, text)
+    work = partial(loop.minimum_settling_time, seed)
+    return find_helpful_changes(work, screen, aims, eased, jobs, text)

@@ -18,54 +18,56 @@ import numpy as np
 from cmaes import CMA
 
 from anhyst.support.errors import NegativeResult
-from anhyst.support.jobs import Progress, all_of
+from anhyst.support.jobs import Progress, map_ordered
 from anhyst.support.numeric import FloatArray
 from anhyst_rigs.rig.bearing.loop import BearingSetup
-from anhyst_rigs.rig.drift import changed
+from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.study.bearing.linear import LinearLoop
-from anhyst_rigs.study.bearing.operating import find_operating_point, linear_loop
-from anhyst_rigs.study.tuning.aims import MISSED, Aims, GainFigures
+from anhyst_rigs.study.bearing.operating import find_operating_point, make_linear_loop
+from anhyst_rigs.study.tuning.aims import MISSED_AIM_COST, Aims, GainFigures
 from anhyst_rigs.study.tuning.trial import (
-    Box,
-    Check,
-    Condition,
+    BearingCondition,
+    CheckResult,
     GainOutcome,
+    SearchBox,
     Tunable,
     run_trial,
 )
 
 
-class Strategy:
+class CmaStrategy:
     """Draws points around a mean, and moves mean and spread to where the better ones lie."""
 
-    def __init__(self, mean: FloatArray, sigma: float, seed: list[int], children: int) -> None:
+    def __init__(
+        self, mean: FloatArray, sigma: float, seed: list[int], population_size: int
+    ) -> None:
         box = np.tile([0.0, 1.0], (mean.size, 1))
         number = int(np.random.SeedSequence(seed).generate_state(1)[0])
-        self._search = CMA(mean, sigma, bounds=box, seed=number, population_size=children)
-        self._asked: list[FloatArray] = []
+        self._optimiser = CMA(mean, sigma, bounds=box, seed=number, population_size=population_size)
+        self._points: list[FloatArray] = []
 
     def ask(self) -> FloatArray:
         """Return the points of the next generation, shape (children, n)."""
-        self._asked = [self._search.ask() for _ in range(self._search.population_size)]
-        return np.array(self._asked)
+        self._points = [self._optimiser.ask() for _ in range(self._optimiser.population_size)]
+        return np.array(self._points)
 
     def tell(self, costs: FloatArray) -> None:
         """Take the costs of the points asked for, in the same order."""
-        self._search.tell(list(zip(self._asked, costs.tolist(), strict=True)))
+        self._optimiser.tell(list(zip(self._points, costs.tolist(), strict=True)))
 
 
-_FREQUENCIES = 72
-_LOOK_EVERY = 4  # ticks
-_BAND = 0.02
+_FREQUENCY_COUNT = 72
+_OUTPUT_INTERVAL_TICKS = 4  # ticks
+_SETTLING_BAND = 0.02
 
-SPREAD = 1024
+SOBOL_POINTS = 1024
 """Places that are spread over the box at first; a power of two."""
-REFINED = (24, 32)
+REFINEMENT_SIZE = (24, 32)
 """Generations, and points in each, in which the best of them is improved."""
 
 
 @dataclass(frozen=True)
-class Screened:
+class ScreenResult:
     """What linear loops do with n sets of gains, worst of all conditions."""
 
     # settling is infinite where it takes longer than was looked at, or for ever; shape (n,)
@@ -75,7 +77,7 @@ class Screened:
     # force that the largest step asks for, in parts of what there is; shape (n,)
     effort: FloatArray
 
-    def costs(self, aims: Aims, horizon: float) -> FloatArray:
+    def costs(self, aims: Aims, horizon_s: float) -> FloatArray:
         """Return costs as :meth:`Aims.cost` gives them, of what is known here, shape (n,)."""
         missed = np.zeros(self.peak_sensitivity.size)
         limits = {"overshoot_percent": aims.overshoot_percent, "effort": 1.0}
@@ -84,51 +86,53 @@ class Screened:
             missed += np.clip(np.nan_to_num(over, nan=100.0, posinf=100.0), 0.0, 100.0)
         settled = np.isfinite(self.settling_time_s)
         missed += np.where(settled, 0.0, 10.0)
-        time = np.where(settled, self.settling_time_s, horizon)
-        return np.where(missed > 0.0, MISSED + missed, time)
+        time = np.where(settled, self.settling_time_s, horizon_s)
+        return np.where(missed > 0.0, MISSED_AIM_COST + missed, time)
 
 
 class Screen:
     """Linear loops at several conditions, around which gains are tried."""
 
     def __init__(
-        self, loops: Sequence[LinearLoop], reserves: Sequence[float], horizon: float
+        self, loops: Sequence[LinearLoop], reserves: Sequence[float], horizon_s: float
     ) -> None:
         self.loops = tuple(loops)
-        self.horizon = horizon
+        self.horizon_s = horizon_s
         self._reserves = tuple(reserves)
-        rate = loops[0].chain.rate
+        rate = loops[0].timing.rate
         self._rate = rate
-        frequency = np.geomspace(rate / 1000.0, rate / 2.5, _FREQUENCIES)
+        frequency = np.geomspace(rate / 1000.0, rate / 2.5, _FREQUENCY_COUNT)
         self._z = np.exp(2j * np.pi * frequency / rate)
         self._plants = [loop.plant_response(frequency) for loop in loops]
 
-    def around(self, loops: Sequence[LinearLoop]) -> Screen:
+    def with_loops(self, loops: Sequence[LinearLoop]) -> Screen:
         """Return a screen with other loops at the same conditions."""
-        return Screen(loops, self._reserves, self.horizon)
+        return Screen(loops, self._reserves, self.horizon_s)
 
-    def of(self, indices: Iterable[int]) -> Screen:
+    def select_loops(self, indices: Iterable[int]) -> Screen:
         """Return a screen of some of the loops."""
         some = list(indices)
         reserves = [self._reserves[index] for index in some]
-        return Screen([self.loops[index] for index in some], reserves, self.horizon)
+        return Screen([self.loops[index] for index in some], reserves, self.horizon_s)
 
-    def stronger(self, factor: float) -> Screen:
+    def with_scaled_force(self, factor: float) -> Screen:
         """Return a screen whose largest step has so many times the force."""
-        return Screen(self.loops, [factor * one for one in self._reserves], self.horizon)
+        return Screen(self.loops, [factor * one for one in self._reserves], self.horizon_s)
 
-    def look(self, per_tick: FloatArray) -> Screened:
+    def evaluate(self, per_tick: FloatArray) -> ScreenResult:
         """Judge gains, as rows of :attr:`anhyst.control.Pidd2.per_tick`, shape (n, 11)."""
-        peak = np.max([self._peak(at, per_tick) for at in range(len(self.loops))], axis=0)
-        steps = [self._step(at, per_tick) for at in range(len(self.loops))]
-        return Screened(
+        peak = np.max(
+            [self._peak_sensitivity(at, per_tick) for at in range(len(self.loops))], axis=0
+        )
+        steps = [self._evaluate_step(at, per_tick) for at in range(len(self.loops))]
+        return ScreenResult(
             overshoot_percent=np.max([one[0] for one in steps], axis=0),
             settling_time_s=np.max([one[1] for one in steps], axis=0),
             peak_sensitivity=peak,
             effort=np.max([one[2] for one in steps], axis=0),
         )
 
-    def _peak(self, at: int, per_tick: FloatArray) -> FloatArray:
+    def _peak_sensitivity(self, at: int, per_tick: FloatArray) -> FloatArray:
         p, k, d, e, _, _, s, t, _ = (column[:, None] for column in per_tick.T[:9])
         step = self._z - 1.0
         first = s * step / (step + s)
@@ -138,11 +142,13 @@ class Screen:
         gain = (feedback + compensation.k_s) / compensation.k_i * self._plants[at]
         return np.asarray(np.max(1.0 / np.abs(1.0 + gain), axis=1))
 
-    def _step(self, at: int, per_tick: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _evaluate_step(
+        self, at: int, per_tick: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return overshoot, %, settling time, s, and effort of a step of the reference."""
         loop = self.loops[at]
-        matrix, into = closed_loop(loop, per_tick)
-        for _ in range(int(np.log2(_LOOK_EVERY))):
+        matrix, into = closed_loop_matrices(loop, per_tick)
+        for _ in range(int(np.log2(_OUTPUT_INTERVAL_TICKS))):
             into = (matrix @ into[..., None])[..., 0] + into
             matrix = matrix @ matrix
         c = np.concatenate([loop.plant[2], np.zeros(3)])
@@ -151,7 +157,7 @@ class Screen:
         feedback = (-p - d * s - e * s * t)[:, None] * loop.plant[2]
         asks = np.concatenate([feedback, own], axis=1)  # the controller, of each state
         jump = weight * p  # and at once, N/m
-        count = round(self.horizon * self._rate / _LOOK_EVERY)
+        count = round(self.horizon_s * self._rate / _OUTPUT_INTERVAL_TICKS)
         state = np.zeros_like(into)
         seen = np.empty((count, into.shape[0]))
         force = np.abs(jump)
@@ -162,13 +168,13 @@ class Screen:
                 force = np.maximum(force, np.abs(np.sum(state * asks, axis=1) + jump))
             seen = np.nan_to_num(seen, nan=1e9, posinf=1e9, neginf=-1e9)
             overshoot = 100.0 * np.maximum(seen.max(axis=0) - 1.0, 0.0)
-            outside = np.abs(seen - 1.0) > _BAND
+            outside = np.abs(seen - 1.0) > _SETTLING_BAND
         last = count - 1 - np.argmax(outside[::-1], axis=0)
-        time = np.where(outside.any(axis=0), (last + 1) * _LOOK_EVERY / self._rate, 0.0)
+        time = np.where(outside.any(axis=0), (last + 1) * _OUTPUT_INTERVAL_TICKS / self._rate, 0.0)
         return overshoot, np.where(outside[-1], np.inf, time), force / self._reserves[at]
 
 
-def closed_loop(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
+def closed_loop_matrices(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return matrices of closed loops over a tick, and what a reference of 1 adds."""
     a, b, c = loop.plant
     n, m = per_tick.shape[0], a.shape[0]
@@ -190,16 +196,16 @@ def closed_loop(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, Flo
     return matrix, into
 
 
-def refine(costs: Callable[[FloatArray], FloatArray], size: int, seed: int) -> FloatArray:
+def minimise_cost(costs: Callable[[FloatArray], FloatArray], size: int, seed: int) -> FloatArray:
     """Return the point of a box that costs least, beginning at the best of many points."""
     from scipy.stats import qmc  # slow to load, and used here alone
 
-    points = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SPREAD)
+    points = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SOBOL_POINTS)
     cost = costs(points)
     best: FloatArray = points[int(np.argmin(cost))]
     least = float(np.min(cost))
-    strategy = Strategy(best, 0.1, [seed, 2], REFINED[1])
-    for _ in range(REFINED[0]):
+    strategy = CmaStrategy(best, 0.1, [seed, 2], REFINEMENT_SIZE[1])
+    for _ in range(REFINEMENT_SIZE[0]):
         tried = strategy.ask()
         cost = costs(tried)
         strategy.tell(cost)
@@ -211,29 +217,31 @@ def refine(costs: Callable[[FloatArray], FloatArray], size: int, seed: int) -> F
 class LinearLoops(Protocol):
     """Linear loops that say what points of a box cost."""
 
-    def costs(self, space: Box, aims: Aims, points: FloatArray) -> FloatArray:
+    def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
         """Return costs as :meth:`Aims.cost` gives them, of what is known here."""
 
 
-def liked(loop: LinearLoops, space: Box, seed: int, aims: Aims) -> FloatArray:
+def find_best_point(loop: LinearLoops, space: SearchBox, seed: int, aims: Aims) -> FloatArray:
     """Return the point that linear loops like best."""
-    return refine(partial(loop.costs, space, aims), len(space.axes), seed)
+    return minimise_cost(partial(loop.costs, space, aims), len(space.axes), seed)
 
 
-def least_cost(space: Box, seed: int, eased: tuple[LinearLoops, Aims]) -> float:
+def find_minimum_cost(space: SearchBox, seed: int, changed: tuple[LinearLoops, Aims]) -> float:
     """Return what that point costs."""
-    loop, aims = eased
-    return float(loop.costs(space, aims, liked(loop, space, seed, aims)[None, :])[0])
+    loop, aims = changed
+    return float(loop.costs(space, aims, find_best_point(loop, space, seed, aims)[None, :])[0])
 
 
-HORIZON_S = 0.03
+SCREEN_HORIZON_S = 0.03
 """How long linear steps are looked at, s."""
-FIRMNESS = (0.3, 0.5, 0.75)
+SLOPE_FRACTIONS = (0.3, 0.5, 0.75)
 """Of softened loops: how much small steps feel of the pinning is not known beforehand."""
 
 
 def make_screen(
-    setup: BearingSetup, conditions: Sequence[Condition], firmness: float = FIRMNESS[1]
+    setup: BearingSetup,
+    conditions: Sequence[BearingCondition],
+    slope_fraction: float = SLOPE_FRACTIONS[1],
 ) -> Screen:
     """Linearise a setup at every condition: along the static slope, and softened by pinning.
 
@@ -245,32 +253,32 @@ def make_screen(
     loops: list[LinearLoop] = []
     reserves: list[float] = []
     for condition in conditions:
-        rig = changed(setup.rig, {"gap_m": condition.gap, "load.force_N": condition.load})
+        rig = change_rig(setup.rig, {"gap_m": condition.gap, "load.force_N": condition.load})
         at = find_operating_point(rig)
-        own = linear_loop(replace(setup, rig=rig), at)
-        share = min(max(at.slopes.share, 0.0), 1.0)
-        soft = share + firmness * (1.0 - share)
-        loops += [own, replace(own, point=replace(own.point, k_i=soft * own.point.k_i))]
-        reserve = min(limits.force_high_N - rig.load, rig.load - limits.force_low_N)
-        if len(rig.settings.placed) > 1:
-            reserve = limits.force_high_N - abs(rig.load)
+        own = make_linear_loop(replace(setup, rig=rig), at)
+        share = min(max(at.slopes.slope_ratio, 0.0), 1.0)
+        soft = share + slope_fraction * (1.0 - share)
+        loops += [own, replace(own, bearing=replace(own.bearing, k_i=soft * own.bearing.k_i))]
+        reserve = min(limits.force_high_N - rig.static_load, rig.static_load - limits.force_low_N)
+        if len(rig.settings.body_magnets) > 1:
+            reserve = limits.force_high_N - abs(rig.static_load)
         reserves += [max(reserve, 1e-3 * limits.force_high_N) / largest] * 2
-    return Screen(loops, reserves, HORIZON_S)
+    return Screen(loops, reserves, SCREEN_HORIZON_S)
 
 
-BUDGET = 240
+DEFAULT_BUDGET = 240
 """Sets of gains tried in the nonlinear loop."""
-CHILDREN = 10
+POPULATION_SIZE = 10
 """Of a generation of the search; even, so that two cores are busy."""
-_SIGMA = 0.1  # of the box: first step of the search
-_STARTS = 2  # of which the search goes on with the better one after a third of the budget each
-_CLOSE = 0.15  # of the box: starts are farther apart than that
-_CHECKED = 2  # of the best, after every round
-_ROUNDS = 3  # at most: a check that fails sends the search back
-_BACK = 4  # generations of a search that was sent back
-_STRICTER = 0.98  # than what the check found too much
-_WORK_OF_CHECK = 15.0  # in sets of gains tried, for whoever wants to know how far it is
-_WORK_AFTER = 40.0  # finding out what limits the best gains
+_INITIAL_SIGMA = 0.1  # of the box: first step of the search
+_MAX_STARTS = 2  # of which the search goes on with the better one after a third of the budget each
+_MIN_START_DISTANCE = 0.15  # of the box: starts are farther apart than that
+_CHECKS_PER_ROUND = 2  # of the best, after every round
+_MAX_ROUNDS = 3  # at most: a check that fails sends the search back
+_REPEAT_GENERATIONS = 4  # generations of a search that was sent back
+_TIGHTENING_FACTOR = 0.98  # than what the check found too much
+_CHECK_WORK = 15.0  # in sets of gains tried, for whoever wants to know how far it is
+_LIMITS_WORK = 40.0  # finding out what limits the best gains
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,16 +290,16 @@ class TriedGains:
 
 
 @dataclass(frozen=True)
-class FoundGains:
+class SearchResult:
     """What a search found."""
 
     loop: Tunable  # with the best gains
-    numbers: dict[str, float]  # the best point of the box, by name
-    check: Check | None  # of the best; None if the search was interrupted before
-    before: GainOutcome  # of the gains as they were, one noise seed
+    parameters: dict[str, float]  # the best point of the box, by name
+    check: CheckResult | None  # of the best; None if the search was interrupted before
+    initial_outcome: GainOutcome  # of the gains as they were, one noise seed
     # all that were tried at every condition, those of the front included
     candidates: tuple[TriedGains, ...]
-    tried: int  # sets of gains in the nonlinear loop
+    tried_count: int  # sets of gains in the nonlinear loop
     interrupted: bool  # whether ctrl-C ended the search
 
     @property
@@ -308,28 +316,28 @@ class GainSearch:
 
     loop: Tunable  # all of its controller but the gains is kept
     aims: Aims
-    budget: int = BUDGET  # sets of gains tried in the nonlinear loop before the first check
+    budget: int = DEFAULT_BUDGET  # sets of gains tried in the nonlinear loop before the first check
     seed: int = 0  # of everything random in the search, and of the noise in it
     progress: Progress | None = None  # called with what is done and what there is in all
     jobs: int | None = None  # processes; as many as there are cores if left out
-    _brief: Tunable = field(init=False)
+    _search_loop: Tunable = field(init=False)
     _candidates: list[TriedGains] = field(init=False, default_factory=list)
-    _tried: int = field(init=False, default=0)
-    _done: float = field(init=False, default=0.0)
-    _whole: float = field(init=False, default=0.0)
+    _tried_count: int = field(init=False, default=0)
+    _work_done: float = field(init=False, default=0.0)
+    _total_work: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
-        self._brief = self.loop.brief()
-        self._whole = self.budget + _CHECKED * _WORK_OF_CHECK + _WORK_AFTER
+        self._search_loop = self.loop.for_search()
+        self._total_work = self.budget + _CHECKS_PER_ROUND * _CHECK_WORK + _LIMITS_WORK
 
-    def run(self) -> FoundGains:
+    def run(self) -> SearchResult:
         """Search."""
-        before = run_trial(self._brief, self.loop.conditions, self.aims, seed=self.seed)
-        checked: list[tuple[float, TriedGains, Check]] = []
+        before = run_trial(self._search_loop, self.loop.conditions, self.aims, seed=self.seed)
+        checked: list[tuple[float, TriedGains, CheckResult]] = []
         interrupted = False
         try:
-            self._look_at_front()
-            self._rounds(checked)
+            self._try_initial_guesses()
+            self._run_rounds(checked)
         except KeyboardInterrupt:
             if not self._candidates:
                 raise
@@ -337,45 +345,49 @@ class GainSearch:
         if checked:
             _, best, reached = min(checked, key=lambda each: each[0])
         else:
-            best, reached = self._best(self.aims)[0], None
+            best, reached = self._sorted_candidates(self.aims)[0], None
         others = [one for one in self._candidates if one is not best]
-        return FoundGains(
-            loop=self.loop.at(best.point),
-            numbers=self.loop.space.numbers(best.point),
+        return SearchResult(
+            loop=self.loop.with_gains_at(best.point),
+            parameters=self.loop.space.parameters(best.point),
             check=reached,
-            before=before,
+            initial_outcome=before,
             candidates=(best, *others),
-            tried=self._tried,
+            tried_count=self._tried_count,
             interrupted=interrupted,
         )
 
-    def _rounds(self, checked: list[tuple[float, TriedGains, Check]]) -> None:
+    def _run_rounds(self, checked: list[tuple[float, TriedGains, CheckResult]]) -> None:
         """Search and check; where the check fails, search again with stricter aims."""
         aims = self.aims
-        generations = max(self.budget // CHILDREN, 1)
-        for round_ in range(_ROUNDS):
+        generations = max(self.budget // POPULATION_SIZE, 1)
+        for round_ in range(_MAX_ROUNDS):
             if round_ > 0:
-                self._whole += _BACK * CHILDREN + _CHECKED * _WORK_OF_CHECK
-            self._search(aims, generations if round_ == 0 else _BACK, round_)
+                self._total_work += (
+                    _REPEAT_GENERATIONS * POPULATION_SIZE + _CHECKS_PER_ROUND * _CHECK_WORK
+                )
+            self._search(aims, generations if round_ == 0 else _REPEAT_GENERATIONS, round_)
             seen = [one for _, one, _ in checked]
-            for candidate in [one for one in self._best(aims) if one not in seen][:_CHECKED]:
-                found = self.loop.at(candidate.point).check(self.jobs)
+            for candidate in [one for one in self._sorted_candidates(aims) if one not in seen][
+                :_CHECKS_PER_ROUND
+            ]:
+                found = self.loop.with_gains_at(candidate.point).check(self.jobs)
                 checked.append((self.aims.cost(found.worst), candidate, found))
-                self._report(_WORK_OF_CHECK)
+                self._report_progress(_CHECK_WORK)
             _, _, best = min(checked, key=lambda each: each[0])
-            misses = self.aims.misses(best.worst)
+            misses = self.aims.missed_by(best.worst)
             if not misses:
                 return
-            aims = aims.tightened(
-                {name: _STRICTER / (1.0 + min(over, 1.0)) for name, over in misses.items()}
+            aims = aims.with_scaled_limits(
+                {name: _TIGHTENING_FACTOR / (1.0 + min(over, 1.0)) for name, over in misses.items()}
             )
 
-    def _look_at_front(self) -> None:
+    def _try_initial_guesses(self) -> None:
         """Try what linear loops like best."""
-        tasks = list(self.loop.starts(self.aims, self.seed))
-        self._whole += 2.0 * len(tasks)
-        points = all_of(call, tasks, lambda *_: self._report(1.0), self.jobs)
-        self._try(np.array(points), self.loop.conditions, self.aims, math.inf)
+        tasks = list(self.loop.initial_guesses(self.aims, self.seed))
+        self._total_work += 2.0 * len(tasks)
+        points = map_ordered(call, tasks, lambda *_: self._report_progress(1.0), self.jobs)
+        self._evaluate_points(np.array(points), self.loop.conditions, self.aims, math.inf)
         if not self._candidates:
             raise NegativeResult(
                 f"none of {len(points)} sets of gains that linear loops like best holds the body "
@@ -386,66 +398,75 @@ class GainSearch:
 
     def _search(self, aims: Aims, generations: int, round_: int) -> None:
         """Search around the best, at first around several of them, then where it went best."""
-        starts = self._apart(aims, _STARTS if round_ == 0 else 1)
+        starts = self._select_distant_starts(aims, _MAX_STARTS if round_ == 0 else 1)
         paths = [
-            _Path(
-                Strategy(one.point, _SIGMA / (1 + 2 * round_), [self.seed, 3, round_, i], CHILDREN)
+            _SearchPath(
+                CmaStrategy(
+                    one.point,
+                    _INITIAL_SIGMA / (1 + 2 * round_),
+                    [self.seed, 3, round_, i],
+                    POPULATION_SIZE,
+                )
             )
             for i, one in enumerate(starts)
         ]
-        early = generations // (_STARTS + 1) if len(paths) > 1 else 0
+        early = generations // (_MAX_STARTS + 1) if len(paths) > 1 else 0
         for path in paths:
-            self._generations(path, aims, early)
-        best = min(paths, key=lambda each: each.least)
-        self._generations(best, aims, generations - early * len(paths))
+            self._run_generations(path, aims, early)
+        best = min(paths, key=lambda each: each.minimum_cost)
+        self._run_generations(best, aims, generations - early * len(paths))
 
-    def _generations(self, path: _Path, aims: Aims, count: int) -> None:
+    def _run_generations(self, path: _SearchPath, aims: Aims, count: int) -> None:
         for _ in range(count):
             # Hardest first, so that gains which are no good are given up early.
-            best = self._best(aims)[0].outcome.figures
+            best = self._sorted_candidates(aims)[0].outcome.figures
             order = sorted(self.loop.conditions, key=lambda each: -aims.cost(best[each]))
             points = path.strategy.ask()
-            costs = np.array([one.cost for one in self._try(points, order, aims, path.ceiling)])
+            costs = np.array(
+                [one.cost for one in self._evaluate_points(points, order, aims, path.ceiling)]
+            )
             path.strategy.tell(costs)
-            path.least = min(path.least, float(costs.min()))
-            path.ceiling = float(np.sort(costs)[CHILDREN // 2 - 1])
+            path.minimum_cost = min(path.minimum_cost, float(costs.min()))
+            path.ceiling = float(np.sort(costs)[POPULATION_SIZE // 2 - 1])
 
-    def _apart(self, aims: Aims, count: int) -> list[TriedGains]:
+    def _select_distant_starts(self, aims: Aims, count: int) -> list[TriedGains]:
         """Return the best that lie apart from each other."""
         chosen: list[TriedGains] = []
-        for one in self._best(aims):
-            if all(np.max(np.abs(one.point - other.point)) > _CLOSE for other in chosen):
+        for one in self._sorted_candidates(aims):
+            if all(
+                np.max(np.abs(one.point - other.point)) > _MIN_START_DISTANCE for other in chosen
+            ):
                 chosen.append(one)
         return chosen[:count]
 
-    def _try(
+    def _evaluate_points(
         self, points: FloatArray, order: Sequence[Any], aims: Aims, ceiling: float
     ) -> list[GainOutcome]:
-        loops = [self._brief.at(point) for point in points]
+        loops = [self._search_loop.with_gains_at(point) for point in points]
         work = partial(run_trial, conditions=order, aims=aims, ceiling=ceiling, seed=self.seed)
-        outcomes = all_of(work, loops, lambda *_: self._report(1.0), self.jobs)
-        self._tried += len(loops)
+        outcomes = map_ordered(work, loops, lambda *_: self._report_progress(1.0), self.jobs)
+        self._tried_count += len(loops)
         self._candidates += [
             TriedGains(point, outcome)
             for point, outcome in zip(points, outcomes, strict=True)
-            if outcome.complete
+            if outcome.is_complete
         ]
         return outcomes
 
-    def _best(self, aims: Aims) -> list[TriedGains]:
+    def _sorted_candidates(self, aims: Aims) -> list[TriedGains]:
         """Return what was tried at every condition, the best first."""
         return sorted(self._candidates, key=lambda each: aims.cost(each.outcome.worst))
 
-    def _report(self, work: float) -> None:
-        self._done += work
+    def _report_progress(self, work: float) -> None:
+        self._work_done += work
         if self.progress is not None:
-            self.progress(self._done, self._whole)
+            self.progress(self._work_done, self._total_work)
 
 
 @dataclass
-class _Path:
+class _SearchPath:
     """A strategy on its way."""
 
-    strategy: Strategy
+    strategy: CmaStrategy
     ceiling: float = math.inf
-    least: float = math.inf
+    minimum_cost: float = math.inf

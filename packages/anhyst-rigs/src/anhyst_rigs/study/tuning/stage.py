@@ -10,32 +10,43 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import map_ordered
 from anhyst.support.numeric import FloatArray, rms
 from anhyst_rigs.rig.body import BodyRig
-from anhyst_rigs.rig.drift import draw_plant
+from anhyst_rigs.rig.drift import sample_plant
 from anhyst_rigs.rig.recording import Recording
-from anhyst_rigs.rig.stage.drives import largest_push
-from anhyst_rigs.rig.stage.geometry import along_scan, weight_along_scan
+from anhyst_rigs.rig.stage.drives import largest_wrench_factor
+from anhyst_rigs.rig.stage.geometry import scan_wrench, weight_along_scan
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup, track
-from anhyst_rigs.rig.stage.setpoint import SetPoint, motion_of
+from anhyst_rigs.rig.stage.setpoint import SetPoint, scan_motion
 from anhyst_rigs.study.engine.table import mean_interval
 from anhyst_rigs.study.tracking.measures import measure
-from anhyst_rigs.study.tracking.simulate import SMALL, find_gains, standing
-from anhyst_rigs.study.tuning.aims import MISSED, Aims, StageFigures
-from anhyst_rigs.study.tuning.search import least_cost, liked
-from anhyst_rigs.study.tuning.trial import Axis, Box, Check, Limit, rounded, what_helps
+from anhyst_rigs.study.tracking.simulate import (
+    SMALL_ACCELERATION_RATIO,
+    find_gains,
+    measure_standstill,
+)
+from anhyst_rigs.study.tuning.aims import MISSED_AIM_COST, Aims, StageFigures
+from anhyst_rigs.study.tuning.search import find_best_point, find_minimum_cost
+from anhyst_rigs.study.tuning.trial import (
+    Axis,
+    CheckResult,
+    Limit,
+    SearchBox,
+    find_helpful_changes,
+    round_gain,
+)
 
-PLANTS = 10
+CHECK_PLANTS = 10
 """Drawn as [spread] says, on which gains are checked."""
-SLOWEST = 1000.0
+MAX_PERIOD_TICKS = 1000.0
 """Ticks of the controller in a period of the lowest crossover that is searched."""
-_STRICTER = (0.7, 0.85, 1.0)  # parts of the aimed peak: where the front is looked at
-_FREQUENCIES = 400
-_LOWEST = 1e-5  # of them, in parts of the rate
-_SAME = 1e-9  # of a mean: less is not noise
-_NEAR = 0.95  # of the highest crossover: counts as all of it
-_AT = 0.995  # of the force: counts as all of it
+_PEAK_FACTORS = (0.7, 0.85, 1.0)  # parts of the aimed peak: where the front is looked at
+_FREQUENCY_COUNT = 400
+_MIN_FREQUENCY_RATIO = 1e-5  # of them, in parts of the rate
+_MIN_NOISE_RATIO = 1e-9  # of a mean: less is not noise
+_CROSSOVER_LIMIT_FRACTION = 0.95  # of the highest crossover: counts as all of it
+_FORCE_LIMIT_FRACTION = 0.995  # of the force: counts as all of it
 
 
 @dataclass(frozen=True)
@@ -49,7 +60,7 @@ class StageCondition:
         return {"name": self.text}
 
 
-TRAINING, GENTLE, STILL, UNSEEN = (
+TRAINING, SLOW_TRAINING, STANDSTILL, TEST = (
     StageCondition(text)
     for text in (
         "the training set-point",
@@ -61,17 +72,19 @@ TRAINING, GENTLE, STILL, UNSEEN = (
 
 
 @dataclass(frozen=True)
-class StageSpace(Box):
+class StageSpace(SearchBox):
     """What is searched of a stage: the keys of ``[control]`` that make its PID."""
 
     rate: float  # of the controller, Hz
-    most: float  # highest crossover, Hz
+    max_crossover: float  # highest crossover, Hz
 
     @property
     def axes(self) -> dict[str, Axis]:
         """Every number by name."""
         return {
-            "crossover_Hz": Axis(self.rate / SLOWEST, min(self.rate / 20.0, self.most), True),
+            "crossover_Hz": Axis(
+                self.rate / MAX_PERIOD_TICKS, min(self.rate / 20.0, self.max_crossover), True
+            ),
             "integral_ratio": Axis(2.0, 50.0, True),
             "lead_ratio": Axis(1.2, 10.0, True),
             "rolloff_ratio": Axis(1.5, 30.0, True),
@@ -87,21 +100,23 @@ class LinearStage:
 
     rate: float  # Hz
     mass: float  # kg
-    late: float  # delay from the sample to the middle of the tick in which it acts, s
+    delay: float  # delay from the sample to the middle of the tick in which it acts, s
     bandwidth: float  # of the current, Hz
     slit: float  # s
 
-    def look(self, gains: Mapping[str, FloatArray]) -> tuple[FloatArray, ...]:
+    def evaluate(self, gains: Mapping[str, FloatArray]) -> tuple[FloatArray, ...]:
         """Judge n sets of gains, given as columns of the keys of ``[control]``.
 
         Returned are the peaks of the sensitivity, infinite where a loop is unstable, their
         frequencies, Hz, and the moving averages that a force of flat spectrum leaves,
         m/(N/sqrt(Hz)); shape (n,).
         """
-        frequency = np.geomspace(_LOWEST * self.rate, 0.499 * self.rate, _FREQUENCIES)
+        frequency = np.geomspace(
+            _MIN_FREQUENCY_RATIO * self.rate, 0.499 * self.rate, _FREQUENCY_COUNT
+        )
         s, z = 2j * math.pi * frequency, np.exp(2j * math.pi * frequency / self.rate)
         body = 1.0 / (self.mass * s**2)
-        hold = np.sinc(frequency / self.rate) * np.exp(-s * self.late)
+        hold = np.sinc(frequency / self.rate) * np.exp(-s * self.delay)
         current = 1.0 / (1.0 + s / (2.0 * math.pi * self.bandwidth))
         omega, integral, lead, rolloff = (
             np.asarray(gains[name], dtype=float)[:, None]
@@ -126,22 +141,22 @@ class LinearStage:
         average = np.sqrt(np.trapezoid(left**2, frequency, axis=1))
         return size.max(axis=1), frequency[np.argmax(size, axis=1)], average
 
-    def costs(self, space: Box, aims: Aims, points: FloatArray) -> FloatArray:
+    def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
         """Return what points of the box cost: those that keep the peak what they leave."""
-        rows = [space.numbers(point) for point in points]
+        rows = [space.parameters(point) for point in points]
         columns = {name: np.array([row[name] for row in rows]) for name in space.axes}
-        peak, _, average = self.look(columns)
+        peak, _, average = self.evaluate(columns)
         over = np.clip(peak / aims.peak_sensitivity - 1.0, 0.0, 100.0)
-        return np.where(over > 0.0, MISSED + over, average)
+        return np.where(over > 0.0, MISSED_AIM_COST + over, average)
 
 
-def linear_stage(rig: BodyRig) -> LinearStage:
+def make_linear_stage(rig: BodyRig) -> LinearStage:
     """Return the linear loop of a rig file; the amplifier counts as a low pass of its bandwidth."""
     file = rig.settings
     return LinearStage(
         rate=file.timing.rate_Hz,
         mass=file.body.mass_kg,
-        late=rig.late,
+        delay=rig.loop_delay,
         bandwidth=file.amplifier.bandwidth_Hz,
         slit=file.scan.slit_s,
     )
@@ -153,75 +168,80 @@ class StageLoop:
 
     setup: StageSetup
     feedforward: Feedforward  # found with the gains as they were; a check finds its own
-    most: float = math.inf  # crossover, Hz: what resonances allow that no plant here has
-    conditions: tuple[StageCondition, ...] = (TRAINING, GENTLE, STILL)
+    max_crossover: float = math.inf  # crossover, Hz: what resonances allow that no plant here has
+    conditions: tuple[StageCondition, ...] = (TRAINING, SLOW_TRAINING, STANDSTILL)
 
     @property
     def space(self) -> StageSpace:
         """The box that is searched."""
-        return StageSpace(self.setup.rig.settings.timing.rate_Hz, self.most)
+        return StageSpace(self.setup.rig.settings.timing.rate_Hz, self.max_crossover)
 
     @property
-    def linear(self) -> LinearStage:
+    def linear_loop(self) -> LinearStage:
         """The linear loop, whatever the gains."""
-        return linear_stage(self.setup.rig)
+        return make_linear_stage(self.setup.rig)
 
-    def at(self, point: FloatArray) -> StageLoop:
+    def with_gains_at(self, point: FloatArray) -> StageLoop:
         """Return the same with the gains at a point of the box."""
-        numbers = self.space.numbers(point)
-        changes = {f"control.{name}": rounded(value) for name, value in numbers.items()}
+        numbers = self.space.parameters(point)
+        changes = {f"control.{name}": round_gain(value) for name, value in numbers.items()}
         rig = self.setup.rig
-        rig = replace(rig, settings=rig.settings.changed(changes))
+        rig = replace(rig, settings=rig.settings.with_changes(changes))
         return replace(self, setup=replace(self.setup, rig=rig))
 
-    def brief(self) -> StageLoop:
+    def for_search(self) -> StageLoop:
         """Return the same: set-points are as long in the search as in the check."""
         return self
 
-    def make(self) -> None:
+    def make_controller(self) -> None:
         """Make the controller; InputError where fixed point cannot hold its gains."""
         self.setup.make_controller()
 
-    def margin(self) -> tuple[float, float]:
+    def sensitivity_peak(self) -> tuple[float, float]:
         """Return the peak of the sensitivity of the linear loop, and its frequency, Hz."""
         gains = {name: np.array([one]) for name, one in self.gains().items()}
-        peak, at, _ = self.linear.look(gains)
+        peak, at, _ = self.linear_loop.evaluate(gains)
         return float(peak[0]), float(at[0])
 
     def figures(
         self, condition: StageCondition, aims: Aims, ceiling: float, seed: int
     ) -> StageFigures | None:
         """Follow a set-point, or stand still; None if the loop was lost."""
-        outcome = StageFigures(peak_sensitivity=self.margin()[0])
+        outcome = StageFigures(peak_sensitivity=self.sensitivity_peak()[0])
         if math.isinf(outcome.peak_sensitivity):
             return None
         if aims.cost(outcome) > ceiling:
             return outcome  # no motion can make it better
-        return self._moved(condition, self.feedforward, seed, outcome)
+        return self._run_condition(condition, self.feedforward, seed, outcome)
 
-    def _moved(
+    def _run_condition(
         self,
         condition: StageCondition,
         feedforward: Feedforward,
         seed: int,
         figures: StageFigures,
     ) -> StageFigures | None:
-        if condition == STILL:
-            rest = standing(self.setup, feedforward, seed)["error_m"]
+        if condition == STANDSTILL:
+            rest = measure_standstill(self.setup, feedforward, seed)["error_m"]
             return None if math.isinf(rest) else replace(figures, standstill_rms_m=rest)
-        motion = self._motion(condition)
-        return self._judged(track(self.setup, motion, feedforward, seed), motion, figures)
+        motion = self._set_point(condition)
+        return self._evaluate_run(track(self.setup, motion, feedforward, seed), motion, figures)
 
-    def _motion(self, condition: StageCondition) -> SetPoint:
+    def _set_point(self, condition: StageCondition) -> SetPoint:
         scan = self.setup.rig.settings.scan
-        peaks = scan.test_m_per_s2 if condition == UNSEEN else scan.train_m_per_s2
-        return motion_of(scan, [SMALL * one for one in peaks] if condition == GENTLE else peaks)
+        peaks = scan.test_m_per_s2 if condition == TEST else scan.train_m_per_s2
+        return scan_motion(
+            scan,
+            [SMALL_ACCELERATION_RATIO * one for one in peaks]
+            if condition == SLOW_TRAINING
+            else peaks,
+        )
 
-    def _judged(
+    def _evaluate_run(
         self, run: Recording, motion: SetPoint, figures: StageFigures
     ) -> StageFigures | None:
         measures = measure(run, motion, self.setup.rig.settings.scan.slit_s)
-        if measures.lost:
+        if measures.is_lost:
             return None
         currents = [name for name in run.columns if name.startswith("current_")]
         return replace(
@@ -232,39 +252,41 @@ class StageLoop:
             current_rate_rms_A_per_s=max(rms(np.diff(run[one])) / run.dt for one in currents),
         )
 
-    def starts(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
+    def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return what finds the points that linear loops like best, for several peaks."""
-        tried = [aims.tightened({"peak_sensitivity": part}) for part in _STRICTER]
-        return [partial(liked, self.linear, self.space, seed, one) for one in tried]
+        tried = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
+        return [partial(find_best_point, self.linear_loop, self.space, seed, one) for one in tried]
 
-    def check(self, jobs: int | None = None) -> Check:
+    def check(self, jobs: int | None = None) -> CheckResult:
         """Find the feedforward as a simulation does, and judge on what nothing was found on.
 
         That is the test set-point with all noise seeds, a standstill, and drawn plants.
         """
         file = self.setup.rig.settings
-        feedforward = find_gains(self.setup, self._motion(TRAINING))
+        feedforward = find_gains(self.setup, self._set_point(TRAINING))
         seeds = list(range(1, file.noise_seeds + 1))
         tasks = [
-            *((UNSEEN, one) for one in seeds),
-            (GENTLE, 1),
-            (STILL, 1),
-            *((None, number) for number in range(PLANTS)),
+            *((TEST, one) for one in seeds),
+            (SLOW_TRAINING, 1),
+            (STANDSTILL, 1),
+            *((None, number) for number in range(CHECK_PLANTS)),
         ]
-        judged = all_of(partial(self._checked, feedforward), tasks, jobs=jobs)
+        judged = map_ordered(partial(self._run_check, feedforward), tasks, jobs=jobs)
         count = len(seeds)
         drawn = judged[count + 2 :]
         whole = all(one is not None for one in [*judged[:count], *drawn])
-        unseen, widths = _means(judged[:count]) if whole else (StageFigures.lost(), {})
-        others = [one or StageFigures.lost() for one in judged[count : count + 2]]
-        figures = dict(zip((UNSEEN, GENTLE, STILL), (unseen, *others), strict=True))
-        plants, note = _of_plants(drawn)
-        return Check(
+        unseen, widths = (
+            _mean_figures(judged[:count]) if whole else (StageFigures.for_lost_body(), {})
+        )
+        others = [one or StageFigures.for_lost_body() for one in judged[count : count + 2]]
+        figures = dict(zip((TEST, SLOW_TRAINING, STANDSTILL), (unseen, *others), strict=True))
+        plants, note = _summarise_plants(drawn)
+        return CheckResult(
             figures=figures,
-            peaks=dict.fromkeys(figures, self.margin()[1]),
-            seeds=count,
-            widths=widths,
-            places={},
+            peak_frequencies=dict.fromkeys(figures, self.sensitivity_peak()[1]),
+            seed_count=count,
+            half_widths=widths,
+            locations={},
             rows={
                 "feedforward": {
                     "acceleration": feedforward.acceleration,
@@ -276,40 +298,44 @@ class StageLoop:
             notes=(note,),
         )
 
-    def _checked(
+    def _run_check(
         self, feedforward: Feedforward, task: tuple[StageCondition | None, int]
     ) -> StageFigures | None:
         condition, number = task
-        figures = StageFigures(peak_sensitivity=self.margin()[0])
+        figures = StageFigures(peak_sensitivity=self.sensitivity_peak()[0])
         if condition is not None:
-            return self._moved(condition, feedforward, number, figures)
+            return self._run_condition(condition, feedforward, number, figures)
         rig = self.setup.rig
-        drift, noise = draw_plant(rig.settings, rig.settings.seed, number)
-        motion = self._motion(UNSEEN)
+        drift, noise = sample_plant(rig.settings, rig.settings.seed, number)
+        motion = self._set_point(TEST)
         drifted = replace(self.setup, drift=drift)
-        return self._judged(track(drifted, motion, feedforward, noise), motion, figures)
+        return self._evaluate_run(track(drifted, motion, feedforward, noise), motion, figures)
 
-    def limits(self, aims: Aims, reached: Check, seed: int, jobs: int | None = None) -> list[Limit]:
+    def find_limits(
+        self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
+    ) -> list[Limit]:
         """Report what limits gains that were checked: aims, force, and what would help."""
-        if not math.isfinite(reached.worst.cost):
+        if not math.isfinite(check_result.worst.cost):
             return [Limit("average_m", "not every noise seed and drawn plant was held")]
-        near = reached.near(aims)
-        motion, file = self._motion(UNSEEN), self.setup.rig.settings
+        near = check_result.find_binding_aims(aims)
+        motion, file = self._set_point(TEST), self.setup.rig.settings
         asked = track(self.setup, motion, self.feedforward, seed)["demand_N"]
         demand = float(np.abs(asked + weight_along_scan(file)).max())
-        most = largest_push(file, along_scan(file))
-        if demand >= _AT * most:
+        most = largest_wrench_factor(file, scan_wrench(file))
+        if demand >= _FORCE_LIMIT_FRACTION * most:
             text = f"the demand reaches {demand:.3g} N of {most:.4g} N on the test set-point"
             near.append(Limit("force", text))
-        if (crossover := file.tracking.crossover_Hz) >= _NEAR * self.most:
-            text = f"the crossover of {crossover:.4g} Hz takes what is allowed, {self.most:g} Hz"
+        if (
+            crossover := file.tracking.crossover_Hz
+        ) >= _CROSSOVER_LIMIT_FRACTION * self.max_crossover:
+            text = f"the crossover of {crossover:.4g} Hz takes what is allowed, {self.max_crossover:g} Hz"
             near.append(Limit("crossover", text))
-        return [*near, *self._would_help(aims, seed, jobs)]
+        return [*near, *self._find_helpful_changes(aims, seed, jobs)]
 
-    def _would_help(self, aims: Aims, seed: int, jobs: int | None) -> list[Limit]:
+    def _find_helpful_changes(self, aims: Aims, seed: int, jobs: int | None) -> list[Limit]:
         """Tune linear loops again with one thing eased at a time."""
-        loop = self.linear
-        sooner = replace(loop, late=0.5 * (loop.late + 0.5 / loop.rate))
+        loop = self.linear_loop
+        sooner = replace(loop, delay=0.5 * (loop.delay + 0.5 / loop.rate))
         faster = replace(loop, bandwidth=2.0 * loop.bandwidth)
         eased = {
             "delay": ("half the delay from sample to current", sooner, aims),
@@ -320,8 +346,8 @@ class StageLoop:
             left = 100.0 * cost / base
             return f"with {what} linear loops would leave {left:.0f} % of the moving average"
 
-        work = partial(least_cost, self.space, seed)
-        return what_helps(work, loop, aims, eased, jobs, text)
+        work = partial(find_minimum_cost, self.space, seed)
+        return find_helpful_changes(work, loop, aims, eased, jobs, text)
 
     def gains(self) -> dict[str, float]:
         """Return the gains as files hold them."""
@@ -329,9 +355,9 @@ class StageLoop:
         return {name: float(getattr(control, name)) for name in self.space.axes}
 
     @property
-    def tried(self) -> str:
+    def trial_text(self) -> str:
         """What is tried at every condition."""
-        return f"judged on {UNSEEN.text} and on {PLANTS} drawn plants"
+        return f"judged on {TEST.text} and on {CHECK_PLANTS} drawn plants"
 
     def facts(self) -> dict[str, Any]:
         """Return what tuning.json says of the rig."""
@@ -342,29 +368,29 @@ class StageLoop:
             "test_m_per_s2": list(file.scan.test_m_per_s2),
         }
 
-    def meaning(self, numbers: Mapping[str, float]) -> list[str]:
+    def explain_parameters(self, parameters: Mapping[str, float]) -> list[str]:
         """Return lines that say what the numbers of a point mean."""
-        crossover = numbers["crossover_Hz"]
+        crossover = parameters["crossover_Hz"]
         return [
             f"Crossover {crossover:.4g} Hz; integral up to "
-            f"{crossover / numbers['integral_ratio']:.3g} Hz, lead from "
-            f"{crossover / numbers['lead_ratio']:.3g} to "
-            f"{crossover * numbers['rolloff_ratio']:.4g} Hz.",
+            f"{crossover / parameters['integral_ratio']:.3g} Hz, lead from "
+            f"{crossover / parameters['lead_ratio']:.3g} to "
+            f"{crossover * parameters['rolloff_ratio']:.4g} Hz.",
         ]
 
 
-def _means(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, dict[str, float]]:
+def _mean_figures(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, dict[str, float]]:
     """Return means over the seeds, and half of the 95 % interval of what noise changes."""
     means, widths = {}, {}
-    for name in StageFigures().named():
+    for name in StageFigures().by_name():
         interval = mean_interval([getattr(one, name) for one in runs])
         means[name] = interval.mean
-        if interval.half_width > _SAME * interval.mean:
+        if interval.half_width > _MIN_NOISE_RATIO * interval.mean:
             widths[name] = interval.half_width
     return StageFigures(**means), widths
 
 
-def _of_plants(drawn: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:
+def _summarise_plants(drawn: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:
     """Return what drawn plants did, for tuning.json and in a sentence."""
     count, held = len(drawn), [one for one in drawn if one is not None]
     lost, averages = count - len(held), [one.average_m for one in held]

@@ -17,11 +17,18 @@ import numpy as np
 
 from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
 from anhyst.support.errors import InputError
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import map_ordered
 from anhyst.support.numeric import FloatArray
-from anhyst_rigs.study.tuning.aims import LOST, TITLES, Aims, GainFigures, text_of, worst_of
+from anhyst_rigs.study.tuning.aims import (
+    GAIN_METRICS,
+    LOST_BODY_COST,
+    Aims,
+    GainFigures,
+    format_figure,
+    merge_worst_figures,
+)
 
-_DIGITS = 5
+_GAIN_DIGITS = 5
 """Of every gain that is kept: what a file says is what was tried."""
 
 
@@ -30,10 +37,10 @@ class Axis(NamedTuple):
 
     low: float
     high: float
-    ratio: bool
+    is_logarithmic: bool
 
 
-class Box:
+class SearchBox:
     """The box that is searched."""
 
     @property
@@ -41,11 +48,11 @@ class Box:
         """Every number by name."""
         raise NotImplementedError
 
-    def numbers(self, point: FloatArray) -> dict[str, float]:
+    def parameters(self, point: FloatArray) -> dict[str, float]:
         """Return the numbers at a point of the unit box."""
         values = {}
         for (name, axis), part in zip(self.axes.items(), point.tolist(), strict=True):
-            if axis.ratio:
+            if axis.is_logarithmic:
                 values[name] = axis.low * (axis.high / axis.low) ** part
             else:
                 values[name] = axis.low + (axis.high - axis.low) * part
@@ -53,7 +60,7 @@ class Box:
 
 
 @dataclass(frozen=True)
-class GainSpace(Box):
+class BearingSpace(SearchBox):
     """What is searched of a bearing."""
 
     rate: float  # of the controller, Hz; frequencies are searched in parts of it
@@ -73,45 +80,49 @@ class GainSpace(Box):
             "cutoff_2_Hz": Axis(rate / 100.0, 0.45 * rate, True),
         }
 
-    def controller(self, point: FloatArray, like: ControllerTable) -> ControllerTable:
+    def make_controller_table(
+        self, point: FloatArray, template: ControllerTable
+    ) -> ControllerTable:
         """Return the controller at a point of the unit box; what is not searched stays as it is."""
-        at = self.numbers(point)
+        at = self.parameters(point)
         w, z, a = 2.0 * math.pi * at["bandwidth_Hz"], at["damping"], at["real_pole"]
         total = self.mass * (1.0 + at["virtual_mass"])
         gains = GainsTable(
-            K_p_N_per_m=rounded(total * (1.0 + 2.0 * z * a) * w**2),
-            K_i_N_per_m_s=rounded(total * a * w**3),
-            K_d_N_s_per_m=rounded(total * (2.0 * z + a) * w),
-            K_dd_N_s2_per_m=rounded(self.mass * at["virtual_mass"]),
+            K_p_N_per_m=round_gain(total * (1.0 + 2.0 * z * a) * w**2),
+            K_i_N_per_m_s=round_gain(total * a * w**3),
+            K_d_N_s_per_m=round_gain(total * (2.0 * z + a) * w),
+            K_dd_N_s2_per_m=round_gain(self.mass * at["virtual_mass"]),
         )
         filters = FilterTable(
-            cutoff_Hz=rounded(at["cutoff_Hz"]), cutoff_2_Hz=rounded(at["cutoff_2_Hz"])
+            cutoff_Hz=round_gain(at["cutoff_Hz"]), cutoff_2_Hz=round_gain(at["cutoff_2_Hz"])
         )
-        return like.model_copy(
+        return template.model_copy(
             update={
                 "design": None,
                 "gains": gains,
                 "filter": filters,
-                "set_point_weight": round(at["set_point_weight"], _DIGITS),
+                "set_point_weight": round(at["set_point_weight"], _GAIN_DIGITS),
             }
         )
 
-    def per_tick(self, points: FloatArray, like: ControllerTable) -> FloatArray:
+    def gains_per_tick(self, points: FloatArray, template: ControllerTable) -> FloatArray:
         """Return the gains per tick of many points, as :attr:`Pidd2.per_tick`, shape (n, 11)."""
-        return np.array([self.controller(point, like).pidd2().per_tick for point in points])
+        return np.array(
+            [self.make_controller_table(point, template).pidd2().per_tick for point in points]
+        )
 
 
-def rounded(value: float) -> float:
+def round_gain(value: float) -> float:
     """Return a gain as files hold it."""
-    return float(f"{value:.{_DIGITS}g}")
+    return float(f"{value:.{_GAIN_DIGITS}g}")
 
 
-_NEAR = 0.9  # of a limit: from here on it is said to bind
-_WORTH = 0.05  # of what is made small: less is not reported
+_BINDING_RATIO = 0.9  # of a limit: from here on it is said to bind
+_MIN_COST_REDUCTION = 0.05  # of what is made small: less is not reported
 
 
 @dataclass(frozen=True)
-class Condition:
+class BearingCondition:
     """Where a bearing is tried."""
 
     gap: float  # m
@@ -138,39 +149,41 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Check:
+class CheckResult:
     """What gains reach over all noise seeds."""
 
     # means over the seeds, worst of all heights; all infinite where the body was lost
     figures: Mapping[Any, GainFigures]
-    peaks: Mapping[Any, float]  # frequency of the peak of the sensitivity, Hz
-    seeds: int  # noise seeds behind every mean
-    widths: Mapping[str, float]  # of the 95 % interval of the worst of a figure, half of it
-    places: Mapping[str, str]  # where that is, beside the condition
+    peak_frequencies: Mapping[Any, float]  # frequency of the peak of the sensitivity, Hz
+    seed_count: int  # noise seeds behind every mean
+    half_widths: Mapping[str, float]  # of the 95 % interval of the worst of a figure, half of it
+    locations: Mapping[str, str]  # where that is, beside the condition
     rows: Mapping[str, Any]  # what else was found, for tuning.json
     notes: tuple[str, ...] = ()  # the same, for a person
 
     @property
     def worst(self) -> GainFigures:
         """The worst of each figure."""
-        return worst_of(self.figures.values())
+        return merge_worst_figures(self.figures.values())
 
-    def near(self, aims: Aims) -> list[Limit]:
+    def find_binding_aims(self, aims: Aims) -> list[Limit]:
         """Return the aims that are missed or nearly so, and where."""
         found = []
         for name, limit in aims.limits.items():
             value = float(getattr(self.worst, name))
-            if value < _NEAR * limit:
+            if value < _BINDING_RATIO * limit:
                 continue
             at = max(self.figures, key=lambda each: float(getattr(self.figures[each], name)))
             where = f"at {at.text}"
             if name == "peak_sensitivity":
-                where += f", around {self.peaks[at]:.0f} Hz"
-            elif name in self.places:
-                where += f", {self.places[name]}"
+                where += f", around {self.peak_frequencies[at]:.0f} Hz"
+            elif name in self.locations:
+                where += f", {self.locations[name]}"
             verb = "misses" if value > limit else "nearly takes"
-            bound = TITLES[name].limit_text(limit)
-            found.append(Limit(name, f"{text_of(name, value)} {verb} its limit of {bound} {where}"))
+            bound = GAIN_METRICS[name].format_limit(limit)
+            found.append(
+                Limit(name, f"{format_figure(name, value)} {verb} its limit of {bound} {where}")
+            )
         return found
 
 
@@ -182,16 +195,16 @@ class Tunable(Protocol):
         """All at which gains are to do well; each has ``text`` and ``as_dict()``."""
 
     @property
-    def space(self) -> Box:
+    def space(self) -> SearchBox:
         """The box that is searched."""
 
-    def at(self, point: FloatArray) -> Tunable:
+    def with_gains_at(self, point: FloatArray) -> Tunable:
         """Return the same with the gains at a point of the box."""
 
-    def brief(self) -> Tunable:
+    def for_search(self) -> Tunable:
         """Return the same as it is tried in the search; what is checked takes longer."""
 
-    def make(self) -> None:
+    def make_controller(self) -> None:
         """Make the controller; InputError where fixed point cannot hold its gains."""
 
     def figures(self, condition: Any, aims: Aims, ceiling: float, seed: int) -> GainFigures | None:
@@ -200,57 +213,59 @@ class Tunable(Protocol):
         What cannot lower a cost that is above the ceiling need not be tried.
         """
 
-    def starts(self, aims: Aims, seed: int) -> Sequence[Callable[[], FloatArray]]:
+    def initial_guesses(self, aims: Aims, seed: int) -> Sequence[Callable[[], FloatArray]]:
         """Return what finds the points that linear loops like best."""
 
-    def check(self, jobs: int | None) -> Check:
+    def check(self, jobs: int | None) -> CheckResult:
         """Try the gains with all noise seeds."""
 
-    def limits(self, aims: Aims, reached: Check, seed: int, jobs: int | None) -> list[Limit]:
+    def find_limits(
+        self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None
+    ) -> list[Limit]:
         """Return what limits gains that were checked."""
 
     def gains(self) -> dict[str, float]:
         """Return the gains as files hold them."""
 
     @property
-    def tried(self) -> str:
+    def trial_text(self) -> str:
         """What is tried at every condition."""
 
     def facts(self) -> dict[str, Any]:
         """Return what tuning.json says of the rig."""
 
-    def meaning(self, numbers: Mapping[str, float]) -> list[str]:
+    def explain_parameters(self, parameters: Mapping[str, float]) -> list[str]:
         """Return lines that say what the numbers of a point mean."""
 
 
 Loop = TypeVar("Loop")
 
 
-def what_helps(
-    work: Callable[[tuple[Loop, Aims]], float],
+def find_helpful_changes(
+    minimum_cost: Callable[[tuple[Loop, Aims]], float],
     loop: Loop,
     aims: Aims,
-    eased: Mapping[str, tuple[str, Loop, Aims]],
+    changes: Mapping[str, tuple[str, Loop, Aims]],
     jobs: int | None,
-    text: Callable[[str, float, float], str],
+    format_text: Callable[[str, float, float], str],
 ) -> list[Limit]:
     """Report what lowers the cost of the best gains when it is eased, the most first.
 
     One more that is eased is the peak of the sensitivity, by half. A text is made of what is eased,
     and the costs with and without.
     """
-    peak, easier = 1.5 * aims.peak_sensitivity, aims.tightened({"peak_sensitivity": 1.5})
-    eased = {"peak_sensitivity": (f"a peak sensitivity of {peak:g}", loop, easier), **eased}
-    tasks = [(loop, aims), *((one, its_aims) for _, one, its_aims in eased.values())]
-    base, *costs = all_of(work, tasks, jobs=jobs)
+    peak, easier = 1.5 * aims.peak_sensitivity, aims.with_scaled_limits({"peak_sensitivity": 1.5})
+    changes = {"peak_sensitivity": (f"a peak sensitivity of {peak:g}", loop, easier), **changes}
+    tasks = [(loop, aims), *((one, its_aims) for _, one, its_aims in changes.values())]
+    base, *costs = map_ordered(minimum_cost, tasks, jobs=jobs)
     if not math.isfinite(base):
         return []
     helps = sorted(
         (cost, what)
-        for what, cost in zip(eased, costs, strict=True)
-        if cost < (1.0 - _WORTH) * base
+        for what, cost in zip(changes, costs, strict=True)
+        if cost < (1.0 - _MIN_COST_REDUCTION) * base
     )
-    return [Limit(what, text(eased[what][0], cost, base)) for cost, what in helps]
+    return [Limit(what, format_text(changes[what][0], cost, base)) for cost, what in helps]
 
 
 @dataclass(frozen=True)
@@ -260,12 +275,12 @@ class GainOutcome:
     cost: float  # by :meth:`Aims.cost`; a lower bound of it where the trial was given up
     # of what was tried before it was given up, or the body lost
     figures: dict[Any, GainFigures]
-    complete: bool  # whether everything was tried
+    is_complete: bool  # whether everything was tried
 
     @property
     def worst(self) -> GainFigures:
         """The worst of each figure."""
-        return worst_of(self.figures.values())
+        return merge_worst_figures(self.figures.values())
 
 
 def run_trial(
@@ -278,15 +293,15 @@ def run_trial(
     figures: dict[Any, GainFigures] = {}
     cost = 0.0
     try:
-        loop.make()
+        loop.make_controller()
     except InputError:  # gains that fixed point cannot hold
-        return GainOutcome(LOST + len(conditions), figures, complete=False)
+        return GainOutcome(LOST_BODY_COST + len(conditions), figures, is_complete=False)
     for index, condition in enumerate(conditions):
         result = loop.figures(condition, aims, ceiling, seed)
         if result is None:
-            return GainOutcome(LOST + len(conditions) - index, figures, complete=False)
+            return GainOutcome(LOST_BODY_COST + len(conditions) - index, figures, is_complete=False)
         figures[condition] = result
-        cost = aims.cost(worst_of(figures.values()))
+        cost = aims.cost(merge_worst_figures(figures.values()))
         if cost > ceiling and index + 1 < len(conditions):
-            return GainOutcome(cost, figures, complete=False)
-    return GainOutcome(cost, figures, complete=True)
+            return GainOutcome(cost, figures, is_complete=False)
+    return GainOutcome(cost, figures, is_complete=True)

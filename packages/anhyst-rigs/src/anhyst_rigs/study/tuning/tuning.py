@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from anhyst.control.controller_file import ControllerFile, write_controller
-from anhyst.support.atomic import PathLike, check_writable, seen_from
+from anhyst.support.atomic import PathLike, check_writable, relative_path
 from anhyst.support.errors import InputError, Interrupted
-from anhyst.support.jobs import Progress, all_of, in_parts
-from anhyst.support.kinds import PROBED, MethodName, capability
-from anhyst.support.toml_file import take_rig
-from anhyst.support.toml_text import Path as KeyPath
+from anhyst.support.jobs import Progress, map_ordered, split_progress
+from anhyst.support.kinds import FLUX_PROBE_METHODS, MethodName, require_capability
+from anhyst.support.toml_file import require_rig
+from anhyst.support.toml_text import KeyPath
 from anhyst_rigs.rig.bearing.loop import make_setups
 from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.distance import PlantCheck
@@ -26,15 +26,15 @@ from anhyst_rigs.rig.fitting import check_plant
 from anhyst_rigs.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst_rigs.rig.rewriting import rewrite_rig
 from anhyst_rigs.rig.stage.file import read_stage
-from anhyst_rigs.rig.stage.fitted import identify_stage
-from anhyst_rigs.rig.stage.setpoint import motion_of
-from anhyst_rigs.study.bearing.ready import make_ready, read_files
-from anhyst_rigs.study.bearing.simulate import compared
+from anhyst_rigs.rig.stage.fitted import identify_stage_magnet
+from anhyst_rigs.rig.stage.setpoint import scan_motion
+from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
+from anhyst_rigs.study.bearing.simulate import compared_variants
 from anhyst_rigs.study.piezo import find_inverses
-from anhyst_rigs.study.plants import METHODS
+from anhyst_rigs.study.plants import PIEZO_METHODS
 from anhyst_rigs.study.tracking.simulate import (
-    COMPARED,
-    OWN,
+    COMPARED_METHODS,
+    COMPENSATOR,
     check_calibration,
     find_gains,
     make_variants,
@@ -42,9 +42,15 @@ from anhyst_rigs.study.tracking.simulate import (
 from anhyst_rigs.study.tuning.aims import Aims
 from anhyst_rigs.study.tuning.bearing import BearingLoop, default_conditions
 from anhyst_rigs.study.tuning.piezo import PiezoLoop
-from anhyst_rigs.study.tuning.result import RESULTS, Tuned, Tuning, file_note, write_results
+from anhyst_rigs.study.tuning.result import (
+    RESULT_FILES,
+    TunedVariant,
+    Tuning,
+    make_file_note,
+    write_results,
+)
 from anhyst_rigs.study.tuning.search import GainSearch
-from anhyst_rigs.study.tuning.stage import SLOWEST, StageLoop
+from anhyst_rigs.study.tuning.stage import MAX_PERIOD_TICKS, StageLoop
 from anhyst_rigs.study.tuning.trial import Tunable
 
 
@@ -68,7 +74,7 @@ def tune(
             code="out-of-range",
             key="--budget",
         )
-    kind = take_rig(rig, "tune")
+    kind = require_rig(rig, "tune")
     kind.refuse_options(
         "tune",
         {
@@ -83,19 +89,19 @@ def tune(
         },
     )
     begin, used = time.perf_counter(), _processor_time()
-    tunes = capability(kind, HasTuning)
+    tunes = require_capability(kind, HasTuning)
     subject = tunes.tuning(rig, controller, crossover)
-    aims = subject.completed(aims)
-    names = subject.names() if all_variants else (subject.own,)
-    places = subject.places(out, names, tunes.files(rig, controller))
+    aims = subject.with_default_aims(aims)
+    names = subject.variants() if all_variants else (subject.main_variant,)
+    places = subject.plan_paths(out, names, tunes.files(rig, controller))
     search = partial(GainSearch, aims=aims, budget=budget, seed=seed, jobs=jobs)
-    tuned, interrupted = _tune_all(search, subject.loops(names, jobs), progress)
+    tuned, interrupted = _tune_all(search, subject.make_loops(names, jobs), progress)
     out.mkdir(parents=True, exist_ok=True)
     result = Tuning(
         rig=subject.rig,
         controller=subject.controller,
         plant=subject.plant,
-        own=subject.own,
+        main_variant=subject.main_variant,
         aims=aims,
         budget=budget,
         seed=seed,
@@ -106,7 +112,7 @@ def tune(
         cpu_seconds=_processor_time() - used,
     )
     for name, path in result.written.items():
-        subject.write(tuned[name], path, file_note(tuned[name], result))
+        subject.write(tuned[name], path, make_file_note(tuned[name], result))
     write_results(result, out)
     return result
 
@@ -114,38 +120,42 @@ def tune(
 class TuningSubject(ABC):
     """A rig and what is written for it."""
 
-    stem: str  # of the files that are written
+    file_stem: str  # of the files that are written
     rig: BodyRig | PiezoRig
     controller: ControllerFile | None = None
     plant: PlantCheck | None = None  # what the loops say about it
-    own: MethodName  # what is tuned where not all variants are
+    main_variant: MethodName  # what is tuned where not all variants are
 
-    def completed(self, aims: Aims) -> Aims:
+    def with_default_aims(self, aims: Aims) -> Aims:
         """Return aims with those that are usual for such a rig, where none is given."""
         return aims
 
     @abstractmethod
-    def names(self) -> Sequence[MethodName]:
+    def variants(self) -> Sequence[MethodName]:
         """Return all variants."""
 
     @abstractmethod
-    def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+    def make_loops(
+        self, names: Sequence[MethodName], jobs: int | None
+    ) -> Mapping[MethodName, Tunable]:
         """Read what is known, and make variants; some may not be possible."""
 
-    def write(self, tuned: Tuned, path: Path, note: str) -> None:
+    def write(self, tuned: TunedVariant, path: Path, note: str) -> None:
         """Write what a simulation takes: a rig file, where no controller file has the gains."""
-        gains = tuned.found.loop.gains().items()
+        gains = tuned.search_result.loop.gains().items()
         changes: dict[KeyPath, Any] = {("control", name): one for name, one in gains}
         rewrite_rig(self.rig.path, path, changes, note)
 
-    def places(
+    def plan_paths(
         self, folder: Path, names: Sequence[MethodName], reads: Sequence[Path]
     ) -> dict[MethodName, Path]:
         """Return where the files go; find out first whether they can be written."""
-        files = {name: f"{self.stem}{f'-{name}' if len(names) > 1 else ''}.toml" for name in names}
+        files = {
+            name: f"{self.file_stem}{f'-{name}' if len(names) > 1 else ''}.toml" for name in names
+        }
         if folder.is_dir():
-            for name in (*files.values(), *RESULTS):
-                check_writable(folder / name, reads=reads)
+            for name in (*files.values(), *RESULT_FILES):
+                check_writable(folder / name, input_files=reads)
         elif folder.exists():
             raise InputError(f"{folder}: is a file; name a folder", code="is-a-file")
         else:
@@ -170,38 +180,40 @@ class HasTuning(Protocol):
 class BearingSubject(TuningSubject):
     """A bearing, whose controller file is written anew."""
 
-    stem = "controller"
+    file_stem = "controller"
     rig: BodyRig
     controller: ControllerFile
 
     def __init__(self, rig: PathLike, controller: PathLike | None, _: float | None) -> None:
         self.rig, self.controller = read_files(rig, controller)
-        self.own = self.controller.settings.compensation.variant
+        self.main_variant = self.controller.settings.compensation.variant
 
-    def completed(self, aims: Aims) -> Aims:
+    def with_default_aims(self, aims: Aims) -> Aims:
         """Return aims with a largest overshoot of 2 %, where none is given."""
         return aims if aims.overshoot_percent is not None else replace(aims, overshoot_percent=2.0)
 
-    def names(self) -> Sequence[MethodName]:
+    def variants(self) -> Sequence[MethodName]:
         """Return all variants."""
-        return compared(self.rig, self.own)
+        return compared_variants(self.rig, self.main_variant)
 
-    def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+    def make_loops(
+        self, names: Sequence[MethodName], jobs: int | None
+    ) -> Mapping[MethodName, Tunable]:
         """Identify what is controlled, and make variants."""
-        ready = make_ready(self.rig, self.controller)
-        self.rig, knowledge = ready.rig, ready.knowledge()
+        ready = check_inputs(self.rig, self.controller)
+        self.rig, knowledge = ready.rig, ready.identify_magnet()
         self.plant = check_plant(ready.rig, knowledge)
         setups = make_setups(ready.rig, self.controller, knowledge, tuple(names))
         conditions = default_conditions(ready.rig)
         return {name: BearingLoop(setup, conditions) for name, setup in setups.items()}
 
-    def write(self, tuned: Tuned, path: Path, note: str) -> None:
+    def write(self, tuned: TunedVariant, path: Path, note: str) -> None:
         """Write the controller file with the gains that were found."""
-        assert isinstance(tuned.found.loop, BearingLoop)
-        settings = tuned.found.loop.setup.controller
+        assert isinstance(tuned.search_result.loop, BearingLoop)
+        settings = tuned.search_result.loop.setup.controller
         changes: dict[str, Any] = {"name": f"tuned, {tuned.variant}"}
         if self.controller.model is not None:
-            model = seen_from(path.parent, self.controller.model)
+            model = relative_path(path.parent, self.controller.model)
             changes["compensation"] = settings.compensation.model_copy(update={"model": model})
         write_controller(path, settings.model_copy(update=changes), note)
 
@@ -209,37 +221,41 @@ class BearingSubject(TuningSubject):
 class StageSubject(TuningSubject):
     """A stage, whose rig file is written anew."""
 
-    stem = "rig"
-    own = OWN
+    file_stem = "rig"
+    main_variant = COMPENSATOR
     rig: BodyRig
 
     def __init__(self, rig: PathLike, _: PathLike | None, crossover: float | None) -> None:
         self.rig = read_stage(rig)
         check_calibration(self.rig)
-        self.most = math.inf if crossover is None else crossover
-        least = self.rig.settings.timing.rate_Hz / SLOWEST
-        if not self.most > least:
+        self.max_crossover = math.inf if crossover is None else crossover
+        least = self.rig.settings.timing.rate_Hz / MAX_PERIOD_TICKS
+        if not self.max_crossover > least:
             raise InputError(
-                f"--crossover: {self.most:g} Hz is not above {least:g} Hz, a thousandth of the "
+                f"--crossover: {self.max_crossover:g} Hz is not above {least:g} Hz, a thousandth of the "
                 "controller's rate; give a higher one",
                 code="out-of-range",
                 key="--crossover",
             )
 
-    def names(self) -> Sequence[MethodName]:
+    def variants(self) -> Sequence[MethodName]:
         """Return all variants."""
         return [
-            one for one in COMPARED if one not in PROBED or self.rig.settings.hall_probe is not None
+            one
+            for one in COMPARED_METHODS
+            if one not in FLUX_PROBE_METHODS or self.rig.settings.hall_probe is not None
         ]
 
-    def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+    def make_loops(
+        self, names: Sequence[MethodName], jobs: int | None
+    ) -> Mapping[MethodName, Tunable]:
         """Identify what is controlled, and make variants."""
-        made, _ = make_variants(self.rig, identify_stage(self.rig), names)
+        made, _ = make_variants(self.rig, identify_stage_magnet(self.rig), names)
         scan = self.rig.settings.scan
-        work = partial(find_gains, motion=motion_of(scan, scan.train_m_per_s2))
-        feedforwards = all_of(work, list(made.values()), jobs=jobs)
+        work = partial(find_gains, motion=scan_motion(scan, scan.train_m_per_s2))
+        feedforwards = map_ordered(work, list(made.values()), jobs=jobs)
         return {
-            name: StageLoop(setup, gains, self.most)
+            name: StageLoop(setup, gains, self.max_crossover)
             for (name, setup), gains in zip(made.items(), feedforwards, strict=True)
         }
 
@@ -247,42 +263,46 @@ class StageSubject(TuningSubject):
 class PiezoSubject(TuningSubject):
     """A piezo stage, whose rig file is written anew."""
 
-    stem = "rig"
-    own = "full"
+    file_stem = "rig"
+    main_variant = "full"
 
     def __init__(self, rig: PathLike, _: PathLike | None, __: float | None) -> None:
         self.rig: PiezoRig = read_piezo_rig(rig)
 
-    def names(self) -> Sequence[MethodName]:
+    def variants(self) -> Sequence[MethodName]:
         """Return all variants."""
-        return tuple(METHODS)
+        return tuple(PIEZO_METHODS)
 
-    def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+    def make_loops(
+        self, names: Sequence[MethodName], jobs: int | None
+    ) -> Mapping[MethodName, Tunable]:
         """Identify what is controlled, and make variants."""
         inverses = find_inverses(self.rig)
-        return {name: PiezoLoop(self.rig, inverses[METHODS[name]]) for name in names}
+        return {name: PiezoLoop(self.rig, inverses[PIEZO_METHODS[name]]) for name in names}
 
 
 def _tune_all(
     search: Callable[..., GainSearch],
     loops: Mapping[MethodName, Tunable],
     progress: Progress | None,
-) -> tuple[dict[MethodName, Tuned], bool]:
+) -> tuple[dict[MethodName, TunedVariant], bool]:
     """Tune one after the other; ctrl-C ends it and keeps what there is."""
-    tuned: dict[MethodName, Tuned] = {}
-    parts = in_parts(progress, [1.0] * len(loops))
+    tuned: dict[MethodName, TunedVariant] = {}
+    parts = split_progress(progress, [1.0] * len(loops))
     for (name, loop), part in zip(loops.items(), parts, strict=True):
         one = search(loop, progress=part)
         try:
             gains = one.run()
             reached = gains.check
-            limits = gains.loop.limits(one.aims, reached, one.seed, one.jobs) if reached else []
+            limits = (
+                gains.loop.find_limits(one.aims, reached, one.seed, one.jobs) if reached else []
+            )
             part(1, 1)
         except KeyboardInterrupt:
             if not tuned:
                 raise Interrupted("too early for any gains, nothing written") from None
             return tuned, True
-        tuned[name] = Tuned(name, gains, tuple(limits), one.aims)
+        tuned[name] = TunedVariant(name, gains, tuple(limits), one.aims)
         if gains.interrupted:
             return tuned, True
     return tuned, False

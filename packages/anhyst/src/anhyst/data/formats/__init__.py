@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from anhyst.data.formats.channel_table import ChannelTable
-from anhyst.data.formats.channels import ChannelGroup, MemoryTable, OpenTable, hash_of
+from anhyst.data.formats.channels import ChannelGroup, MemoryTable, OpenTable, file_sha256
 from anhyst.data.formats.encoding import is_text
 from anhyst.data.formats.excel import is_workbook, open_excel
 from anhyst.data.formats.hdf5 import open_hdf5, write_hdf5
@@ -27,10 +27,10 @@ from anhyst.support.registry import Registry
 
 __all__ = [
     "FORMATS",
-    "ONE_TABLE",
-    "PACKAGES",
+    "ONE_CLOCK_FORMATS",
     "SIGNATURES",
     "WRITERS",
+    "WRITER_PACKAGES",
     "ChannelTable",
     "MemoryTable",
     "OpenTable",
@@ -40,7 +40,7 @@ __all__ = [
 Opener = Callable[[Path, int], OpenTable]
 """Opens a file that must have a given number of columns or more."""
 
-_OWN: dict[str, Opener] = {
+_BUILT_IN_OPENERS: dict[str, Opener] = {
     **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm"), open_text),
     ".mat": open_mat,
     **dict.fromkeys((".mf4", ".mdf"), open_mdf),
@@ -51,7 +51,7 @@ _OWN: dict[str, Opener] = {
 }
 FORMATS: Registry[Opener] = Registry(
     "anhyst.formats",
-    _OWN,
+    _BUILT_IN_OPENERS,
     lambda opener, _: "" if callable(opener) else "and it is no function",
     prefix=".",
 )
@@ -81,7 +81,7 @@ WRITERS: dict[str, Callable[[Path, Sequence[ChannelGroup]], tuple[str, ...]]] = 
 }
 """By suffix: what writes sections whole or not at all, and says what the format cannot hold."""
 
-PACKAGES = {
+WRITER_PACKAGES = {
     ".mf4": "asammdf",
     ".tdms": "nptdms",
     **dict.fromkeys((".h5", ".hdf5"), "h5py"),
@@ -89,21 +89,21 @@ PACKAGES = {
 }
 """By suffix: what a writer imports; whoever calls one asks for it first."""
 
-ONE_TABLE = frozenset({".csv", ".parquet"})
+ONE_CLOCK_FORMATS = frozenset({".csv", ".parquet"})
 """Formats that hold one clock, and each name once."""
 
 
-_BINARY = (open_mat, open_mdf, open_tdms, open_hdf5, open_parquet, open_excel)
+_BINARY_OPENERS = (open_mat, open_mdf, open_tdms, open_hdf5, open_parquet, open_excel)
 """What cannot open a text."""
 
 
-def open_table(path: PathLike, least: int = 2) -> OpenTable:
+def open_table(path: PathLike, min_columns: int = 2) -> OpenTable:
     """Open a table by its first bytes, because the same format has many file names.
 
     The name decides if the first bytes are those of no format. A text file needs no known name.
     """
     path = Path(path)
-    if why := FORMATS.why_unusable(path.suffix.lower()):
+    if why := FORMATS.explain_unusable(path.suffix.lower()):
         raise InputError(f"{path}: {why}", code="not-installed")
     by_name = FORMATS.get(path.suffix.lower(), open_text)
     head = b""
@@ -113,18 +113,18 @@ def open_table(path: PathLike, least: int = 2) -> OpenTable:
     for signature, opener in SIGNATURES:
         if head.startswith(signature):
             # Version 7.3 of a MAT file is HDF5, and not every program begins it as MATLAB does.
-            is_mat = opener is open_hdf5 and by_name is open_mat and _is_of_matlab(path)
-            return (open_mat if is_mat else opener)(path, least)
+            is_mat = opener is open_hdf5 and by_name is open_mat and _is_matlab_file(path)
+            return (open_mat if is_mat else opener)(path, min_columns)
     if head.startswith(b"PK") and is_workbook(path):
-        return open_excel(path, least)
-    is_misnamed = by_name in _BINARY and bool(head) and is_text(head)
-    table = (open_text if is_misnamed else by_name)(path, least)
+        return open_excel(path, min_columns)
+    is_misnamed = by_name in _BINARY_OPENERS and bool(head) and is_text(head)
+    table = (open_text if is_misnamed else by_name)(path, min_columns)
     if isinstance(table, MemoryTable) and not table.sha256:  # of a format of another package
-        return replace(table, sha256=hash_of(path))
+        return replace(table, sha256=file_sha256(path))
     return table
 
 
-def _is_of_matlab(path: Path) -> bool:
+def _is_matlab_file(path: Path) -> bool:
     """Whether an HDF5 file has the attributes of a MAT file."""
     with path.open("rb") as file:
         return b"MATLAB_class" in file.read(1 << 20)

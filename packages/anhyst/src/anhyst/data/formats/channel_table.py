@@ -28,17 +28,17 @@ from anhyst.data.formats.channels import (
     TextInNumbersError,
     Texts,
     Values,
-    hash_of,
-    need_package,
-    numbered,
-    one_line_if_damaged,
+    file_sha256,
+    number_repeats,
+    report_damage,
+    require_package,
 )
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.units import parse_header, unit_of
+from anhyst.support.units import parse_header, require_unit
 
-_LONGEST_GAP = 10.0
+_MAX_PAUSE_STEPS = 10.0
 """Usual steps of a clock; across a longer pause nothing is known of the channel."""
 
 
@@ -50,56 +50,61 @@ class Clock:
     length: int
     times: FloatArray | None  # s, shape (length,); None where a file does not say them
     start: int = 0  # first of the channel's samples that ``times`` holds
-    whole: bool = True  # whether it holds all of them
+    is_whole: bool = True  # whether it holds all of them
 
 
-Seconds = Callable[[Channel], FloatArray]
+ReadSeconds = Callable[[Channel], FloatArray]
 """Returns the times of a clock in s."""
 
 
-def shared_clock(
-    source: str, channels: Sequence[Channel], seconds: Seconds
+def find_shared_clock(
+    source: str, channels: Sequence[Channel], seconds: ReadSeconds
 ) -> tuple[Clock, tuple[str, ...]]:
     """Find the clock that channels are read on: the finest, as far as all of them reach."""
     clocks = list(dict.fromkeys(channel.clock for channel in channels if channel.clock is not None))
-    free = [channel for channel in channels if channel.clock is None and channel.length != 1]
-    by_length = {channel.length: channel for channel in (*free, *clocks[:1])}
-    if len(by_length) > 1 or (free and len(clocks) > 1):
-        one, other = list(by_length.values())[:2] if len(by_length) > 1 else (free[0], clocks[1])
+    unclocked = [channel for channel in channels if channel.clock is None and channel.length != 1]
+    by_length = {channel.length: channel for channel in (*unclocked, *clocks[:1])}
+    if len(by_length) > 1 or (unclocked and len(clocks) > 1):
+        first_channel, second_channel = (
+            list(by_length.values())[:2] if len(by_length) > 1 else (unclocked[0], clocks[1])
+        )
         raise InputError(
-            f"{source}: channels '{one.full_name}' ({one.length} samples) and '{other.full_name}' "
-            f"({other.length}) have no common clock; leave one out, or export them with their times",
+            f"{source}: channels '{first_channel.full_name}' ({first_channel.length} samples) and "
+            f"'{second_channel.full_name}' "
+            f"({second_channel.length}) have no common clock; leave one out, or export them with their times",
             code="no-common-clock",
-            key=one.full_name,
+            key=first_channel.full_name,
         )
     if not clocks:
         return Clock(None, max(by_length, default=1), None), ()
     times = [seconds(clock) for clock in clocks]
     if all(np.array_equal(times[0], other) for other in times[1:]):
         return Clock(clocks[0], clocks[0].length, times[0]), ()
-    steps = [_step(source, clock, ticks) for clock, ticks in zip(clocks, times, strict=True)]
+    steps = [_clock_step(source, clock, ticks) for clock, ticks in zip(clocks, times, strict=True)]
     finest = int(np.argmin(steps))
     begin, end = max(ticks[0] for ticks in times), min(ticks[-1] for ticks in times)
     start, stop = np.searchsorted(times[finest], [begin, np.nextafter(end, np.inf)])
-    first = [next(c.full_name for c in channels if c.clock is clock) for clock in clocks]
+    clock_names = [next(c.full_name for c in channels if c.clock is clock) for clock in clocks]
     if stop - start < 2:
-        late = first[[ticks[0] for ticks in times].index(begin)]
-        early = first[[ticks[-1] for ticks in times].index(end)]
+        late_channel = clock_names[[ticks[0] for ticks in times].index(begin)]
+        early_channel = clock_names[[ticks[-1] for ticks in times].index(end)]
         raise InputError(
-            f"{source}: channel '{early}' ends at {end:g} s and '{late}' begins at {begin:g} s: "
+            f"{source}: channel '{early_channel}' ends at {end:g} s and '{late_channel}' begins at {begin:g} s: "
             "nothing was recorded together; leave one out",
             code="no-common-time",
-            key=late,
+            key=late_channel,
         )
     clock = Clock(clocks[finest], int(stop - start), times[finest][start:stop], int(start), False)
     names = ", ".join(c.full_name for c in channels if c.clock not in {None, clock.channel})
-    note = f"{names}: interpolated linearly onto the times of {first[finest]}"
+    note = f"{names}: interpolated linearly onto the times of {clock_names[finest]}"
     dropped = times[finest].size - clock.length
-    outside = f", {dropped} of whose samples lie outside {begin:g} to {end:g} s and are left out"
-    return clock, (note + (outside if dropped else ""),)
+    dropped_text = (
+        f", {dropped} of whose samples lie outside {begin:g} to {end:g} s and are left out"
+    )
+    return clock, (note + (dropped_text if dropped else ""),)
 
 
-def _step(source: str, clock: Channel, times: FloatArray) -> float:
+def _clock_step(source: str, clock: Channel, times: FloatArray) -> float:
     """Usual step of a clock that others are compared with."""
     if times.size < 2:
         raise InputError(
@@ -108,10 +113,10 @@ def _step(source: str, clock: Channel, times: FloatArray) -> float:
             code="clock-too-short",
             key=clock.full_name,
         )
-    odd = ~np.isfinite(times)
-    odd[1:] |= ~(np.diff(times) >= 0.0)
-    if odd.any():
-        row = int(np.argmax(odd))
+    is_bad = ~np.isfinite(times)
+    is_bad[1:] |= ~(np.diff(times) >= 0.0)
+    if is_bad.any():
+        row = int(np.argmax(is_bad))
         raise InputError(
             f"{source}: time '{clock.full_name}' is {times[row]:g} s in sample {row + 1}, not later "
             "than before; channels on several clocks need rising times",
@@ -121,43 +126,45 @@ def _step(source: str, clock: Channel, times: FloatArray) -> float:
     return float(np.median(np.diff(times))) or float(np.mean(np.diff(times)))
 
 
-def onto(
-    source: str, channel: Channel, values: FloatArray, clock: Clock, seconds: Seconds
+def resample_to_clock(
+    source: str, channel: Channel, values: FloatArray, clock: Clock, seconds: ReadSeconds
 ) -> FloatArray:
     """Bring a channel onto a clock; next to a sample without a value (NaN) there is none."""
     if channel.clock is None:
         return np.full(clock.length, values[0]) if channel.length == 1 else values
-    if clock.times is None or clock.whole:  # its own clock, or one of the same times
+    if clock.times is None or clock.is_whole:  # its own clock, or one of the same times
         return values
     if channel.clock is clock.channel:
         return values[clock.start : clock.start + clock.length]
-    own = seconds(channel.clock)
-    steps = np.diff(own)
-    inside = (own[1:] > clock.times[0]) & (own[:-1] < clock.times[-1])
-    usual = float(np.median(steps))
-    long = inside & (steps > _LONGEST_GAP * usual)
-    if long.any():
-        row = int(np.argmax(long))
+    own_times = seconds(channel.clock)
+    steps = np.diff(own_times)
+    is_used = (own_times[1:] > clock.times[0]) & (own_times[:-1] < clock.times[-1])
+    median_step = float(np.median(steps))
+    is_pause = is_used & (steps > _MAX_PAUSE_STEPS * median_step)
+    if is_pause.any():
+        row = int(np.argmax(is_pause))
         raise InputError(
-            f"{source}: channel '{channel.full_name}' has no sample from {own[row]:g} to "
-            f"{own[row + 1]:g} s, {steps[row] / usual:.0f} of its usual steps: it cannot be "
+            f"{source}: channel '{channel.full_name}' has no sample from {own_times[row]:g} to "
+            f"{own_times[row + 1]:g} s, {steps[row] / median_step:.0f} of its usual steps: it cannot be "
             "interpolated; leave it out, or give it as a constant",
             code="gap-in-channel",
             key=channel.full_name,
         )
-    return np.interp(clock.times, own, values)
+    return np.interp(clock.times, own_times, values)
 
 
-def held(channel: Channel, own: FloatArray | None, values: Values, clock: Clock) -> Values:
+def hold_on_clock(
+    channel: Channel, own_times: FloatArray | None, values: Values, clock: Clock
+) -> Values:
     """Hold the last value of a channel at each time; what fits no clock is blank."""
-    if channel.clock is clock.channel or (channel.length == clock.length and clock.whole):
+    if channel.clock is clock.channel or (channel.length == clock.length and clock.is_whole):
         return values[clock.start : clock.start + clock.length]
     if channel.length == 1:
         return np.repeat(values, clock.length)
-    if own is None or clock.times is None or not np.all(np.diff(own) >= 0.0):
+    if own_times is None or clock.times is None or not np.all(np.diff(own_times) >= 0.0):
         return np.full(clock.length, "")
-    last = np.searchsorted(own, clock.times, side="right") - 1
-    return np.asarray(values[np.maximum(last, 0)])
+    last_index = np.searchsorted(own_times, clock.times, side="right") - 1
+    return np.asarray(values[np.maximum(last_index, 0)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,24 +191,24 @@ class ChannelTable:
     @cached_property
     def header(self) -> tuple[str, ...]:
         """Names of the columns, each once: with the group before it where two groups share it."""
-        return (*self._time[:1], *self._names)
+        return (*self._time_header[:1], *self._column_names)
 
     @cached_property
     def units(self) -> tuple[str, ...]:
         """Units of the columns, empty where the file says none."""
-        return (*self._time[1:], *(channel.unit for channel in self.file.channels))
+        return (*self._time_header[1:], *(channel.unit for channel in self.file.channels))
 
     def find(self, name: str) -> int | None:
         """Index of a column by its header, or by the name of its group and its own."""
         if name in self.header:
             return self.header.index(name)
         full = [channel.full_name for channel in self.file.channels]
-        return len(self._time[:1]) + full.index(name) if full.count(name) == 1 else None
+        return len(self._time_header[:1]) + full.index(name) if full.count(name) == 1 else None
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the first samples of each channel as text, each on its own clock."""
         heads = self.file.read(self.file.channels, count)
-        if self._time:
+        if self._time_header:
             heads.insert(0, self.file.read(self.clocks[:1], count)[0])
         # Logicals are numbers.
         numbers = [head.astype(np.uint8) if head.dtype.kind == "b" else head for head in heads]
@@ -213,47 +220,56 @@ class ChannelTable:
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
         """Read columns by their indices, on the finest clock of those of numbers."""
-        shift = len(self._time[:1])
-        wanted = [index for index in numbers if index >= shift]
-        labels = [index for index in texts if index >= shift]
-        channels = {index: self.file.channels[index - shift] for index in {*wanted, *labels}}
+        time_columns = len(self._time_header[:1])
+        number_columns = [index for index in numbers if index >= time_columns]
+        text_columns = [index for index in texts if index >= time_columns]
+        channels = {
+            index: self.file.channels[index - time_columns]
+            for index in {*number_columns, *text_columns}
+        }
         # The time is that of the numbers; where nothing else is asked for, of the first clock.
-        clocked = [channels[index] for index in wanted] or [
+        clocked_channels = [channels[index] for index in number_columns] or [
             channel for channel in self.file.channels if channel.clock is not None
-        ][: 1 if shift else 0]
-        clock, notes = shared_clock(self.source_name, clocked, self.seconds)
+        ][: 1 if time_columns else 0]
+        clock, notes = find_shared_clock(self.source_name, clocked_channels, self.seconds)
         columns: dict[int, FloatArray] = {}
-        for index in wanted:
-            channel, values = channels[index], self._numbers(index, channels[index])
-            columns[index] = onto(self.source_name, channel, values, clock, self.seconds)
-        if shift and 0 in numbers:
-            columns[0] = self._times(clock, [channels[index] for index in wanted])
-        named = {}
+        for index in number_columns:
+            channel, values = channels[index], self._read_numbers(index, channels[index])
+            columns[index] = resample_to_clock(
+                self.source_name, channel, values, clock, self.seconds
+            )
+        if time_columns and 0 in numbers:
+            columns[0] = self._time_values(clock, [channels[index] for index in number_columns])
+        texts_by_index = {}
         for index, channel in channels.items():
-            if index in labels:
-                own = self.seconds(channel.clock) if channel.clock else None
-                named[index] = _texts(held(channel, own, self._values(channel), clock))
-        if shift and 0 in texts:
-            named[0] = _texts(self._times(clock, []))
-        found = (*self.file.notes, *notes)
-        return RawColumns(hash_of(self.file.path), columns, named, found, self.file.breaks)
+            if index in text_columns:
+                own_times = self.seconds(channel.clock) if channel.clock else None
+                texts_by_index[index] = _as_texts(
+                    hold_on_clock(channel, own_times, self._read_channel(channel), clock)
+                )
+        if time_columns and 0 in texts:
+            texts_by_index[0] = _as_texts(self._time_values(clock, []))
+        all_notes = (*self.file.notes, *notes)
+        return RawColumns(
+            file_sha256(self.file.path), columns, texts_by_index, all_notes, self.file.breaks
+        )
 
-    def where(self, row: int) -> str:
+    def locate_row(self, row: int) -> str:
         """Return the place of a row."""
         return f"{self.source_name}: sample {row + 1}"
 
     def channel(self, index: int) -> Channel:
         """Return the channel of a column; the time is the first clock."""
-        shift = len(self._time[:1])
-        return self.clocks[0] if index < shift else self.file.channels[index - shift]
+        time_columns = len(self._time_header[:1])
+        return self.clocks[0] if index < time_columns else self.file.channels[index - time_columns]
 
     def seconds(self, clock: Channel) -> FloatArray:
         """Return the times of a clock in s."""
-        values = np.asarray(self._values(clock), dtype=np.float64)
-        return unit_of(clock.unit or "s").to_si(values)
+        values = np.asarray(self._read_channel(clock), dtype=np.float64)
+        return require_unit(clock.unit or "s").to_si(values)
 
     @cached_property
-    def _time(self) -> tuple[str, ...]:
+    def _time_header(self) -> tuple[str, ...]:
         """Header and unit of the time column, empty if the file has no clock."""
         if not self.clocks:
             return ()
@@ -264,16 +280,16 @@ class ChannelTable:
         return (first.name, first.unit)
 
     @cached_property
-    def _names(self) -> list[str]:
+    def _column_names(self) -> list[str]:
         channels = self.file.channels
-        count = Counter([*self._time[:1], *(channel.name for channel in channels)])
-        return numbered([c.name if count[c.name] == 1 else c.full_name for c in channels])
+        count = Counter([*self._time_header[:1], *(channel.name for channel in channels)])
+        return number_repeats([c.name if count[c.name] == 1 else c.full_name for c in channels])
 
-    def _values(self, channel: Channel) -> Values:
+    def _read_channel(self, channel: Channel) -> Values:
         return self.file.read([channel])[0]
 
-    def _numbers(self, index: int, channel: Channel) -> FloatArray:
-        values = self._values(channel)
+    def _read_numbers(self, index: int, channel: Channel) -> FloatArray:
+        values = self._read_channel(channel)
         try:
             if values.dtype.kind == "c":
                 raise TypeError
@@ -287,7 +303,7 @@ class ChannelTable:
                 key=self.header[index],
             ) from None
 
-    def _times(self, clock: Clock, channels: Sequence[Channel]) -> FloatArray:
+    def _time_values(self, clock: Clock, channels: Sequence[Channel]) -> FloatArray:
         """Values of the time column, in its own unit."""
         if clock.times is None:
             names = ", ".join(channel.full_name for channel in channels)
@@ -298,7 +314,7 @@ class ChannelTable:
                 key=self.header[0],
             )
         if len(self.clocks) == 1 and clock.channel is not None:
-            return np.array(self._values(clock.channel), dtype=np.float64)
+            return np.array(self._read_channel(clock.channel), dtype=np.float64)
         return np.array(clock.times)
 
 
@@ -310,17 +326,17 @@ def opener(
     It reads the file in a process of its own first, and refuses fewer numeric channels than needed.
     """
 
-    def with_find(find: Callable[[Path], ChannelFile]) -> Callable[[Path, int], ChannelTable]:
+    def decorate(find: Callable[[Path], ChannelFile]) -> Callable[[Path, int], ChannelTable]:
         @wraps(find)
-        def open_file(path: Path, least: int) -> ChannelTable:
-            need_package(path, *packages)
-            try_first(path, open_file)
-            with one_line_if_damaged(path):
+        def open_file(path: Path, min_columns: int) -> ChannelTable:
+            require_package(path, *packages)
+            try_in_subprocess(path, open_file)
+            with report_damage(path):
                 table = ChannelTable(find(path))
             numeric = sum(not channel.is_text for channel in table.file.channels)
-            if (count := numeric + len(table.clocks[:1])) < least:
+            if (count := numeric + len(table.clocks[:1])) < min_columns:
                 raise InputError(
-                    f"{path}: holds {count} channels of numbers with samples; at least {least} are "
+                    f"{path}: holds {count} channels of numbers with samples; at least {min_columns} are "
                     "needed",
                     code="too-few-channels",
                 )
@@ -328,74 +344,82 @@ def opener(
 
         return open_file
 
-    return with_find
+    return decorate
 
 
-def _texts(values: Values) -> Texts:
-    return Texts.of([str(value) for value in values.tolist()])
+def _as_texts(values: Values) -> Texts:
+    return Texts.from_rows([str(value) for value in values.tolist()])
 
 
-SECONDS = 30.0
+MIN_CPU_TIME_S = 30.0
 """Of processor time, and one more for each 4 MB: reading takes a hundredth of that."""
-_MEMORY = 4 << 30
+_MIN_ADDRESS_SPACE = 4 << 30
 """Bytes of addresses, and twice the file; libraries reserve some that they never use."""
-_REFUSED, _FULL = 2, 4
-_ADVICE = "the file is damaged or made to do so: export it again"
+_EXIT_REFUSED, _EXIT_OUT_OF_MEMORY = 2, 4
+_DAMAGE_ADVICE = "the file is damaged or made to do so: export it again"
 
 
-class _Here:
+class _ThisProcess:
     """Whether this process is the one that tries."""
 
-    tries = False
+    is_trial = False
 
 
-def try_first(path: Path, opener: Callable[[Path, int], ChannelTable]) -> None:
+def try_in_subprocess(path: Path, opener: Callable[[Path, int], ChannelTable]) -> None:
     """Read a file once in a process of its own; the same file is not tried twice.
 
     The opener is a function of a module: the process imports it by its name.
     """
-    if _Here.tries or not path.is_file():
+    if _ThisProcess.is_trial or not path.is_file():
         return
     about = path.stat()
     name = f"{opener.__module__}:{opener.__name__}"
-    if (refusal := _tried(path, name, about.st_mtime_ns, about.st_size)) is not None:
+    if (refusal := _subprocess_refusal(path, name, about.st_mtime_ns, about.st_size)) is not None:
         text, code, key = refusal
         raise InputError(text, code=code, key=key)
 
 
 @cache
-def _tried(path: Path, opener: str, _changed: int, size: int) -> tuple[str, str, str] | None:
+def _subprocess_refusal(
+    path: Path, opener: str, _changed: int, size: int
+) -> tuple[str, str, str] | None:
     """Return why a file is refused: the text, code and key of the error."""
-    limit = SECONDS + size / 4e6
-    script = "from anhyst.data.formats.channel_table import read_here; read_here()"
-    command = [sys.executable, "-P", "-c", script, str(path), opener, str(limit)]
+    cpu_limit_s = MIN_CPU_TIME_S + size / 4e6
+    script = (
+        "from anhyst.data.formats.channel_table import read_in_this_process; read_in_this_process()"
+    )
+    command = [sys.executable, "-P", "-c", script, str(path), opener, str(cpu_limit_s)]
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
             # A machine may be busy: it is processor time that counts, and this where it cannot.
-            timeout=20.0 * limit,
+            timeout=20.0 * cpu_limit_s,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        done = None
-    if done is not None and done.returncode == 0:
+        process = None
+    if process is not None and process.returncode == 0:
         return None
-    if done is not None and done.returncode == _REFUSED:
-        text, code, key = json.loads(done.stdout)
+    if process is not None and process.returncode == _EXIT_REFUSED:
+        text, code, key = json.loads(process.stdout)
         return text, code, key
-    if done is not None and done.returncode == _FULL:
-        return f"{path}: needs more than {_MEMORY >> 30} GiB to be read; {_ADVICE}", "too-large", ""
-    return f"{path}: crashes or hangs what reads it; {_ADVICE}", "reader-ended", ""
+    if process is not None and process.returncode == _EXIT_OUT_OF_MEMORY:
+        return (
+            f"{path}: needs more than {_MIN_ADDRESS_SPACE >> 30} GiB to be read; {_DAMAGE_ADVICE}",
+            "too-large",
+            "",
+        )
+    return f"{path}: crashes or hangs what reads it; {_DAMAGE_ADVICE}", "reader-ended", ""
 
 
-def read_here() -> None:
+def read_in_this_process() -> None:
     """Read the file that the command line names, within bounds, and end with what came of it."""
     path, opener, seconds = Path(sys.argv[1]), sys.argv[2], float(sys.argv[3])
-    stay_in_bounds(seconds, path.stat().st_size)
+    limit_resources(seconds, path.stat().st_size)
     pipe = os.dup(1)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print what they do not understand
     code, text = 0, ""
@@ -406,9 +430,9 @@ def read_here() -> None:
             table.file.read([channel])
         gc.collect()  # where a library has written beyond what is its own, this finds it
     except MemoryError:
-        code = _FULL
+        code = _EXIT_OUT_OF_MEMORY
     except InputError as error:
-        code, text = _REFUSED, json.dumps([str(error), error.code, error.key])
+        code, text = _EXIT_REFUSED, json.dumps([str(error), error.code, error.key])
     except Exception:  # a fault of this package, to be seen where it is used
         pass
     os.write(pipe, text.encode())
@@ -416,13 +440,13 @@ def read_here() -> None:
     os._exit(code)
 
 
-def stay_in_bounds(seconds: float, size: int) -> None:
+def limit_resources(seconds: float, size: int) -> None:
     """Try files in this process from now on: so much processor time, memory for a file's size."""
-    _Here.tries = True
+    _ThisProcess.is_trial = True
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
 
-        memory = _MEMORY + 2 * size
+        memory = _MIN_ADDRESS_SPACE + 2 * size
         for what, limit in (
             (resource.RLIMIT_CORE, 0),
             (resource.RLIMIT_CPU, int(time.process_time() + seconds) + 1),

@@ -26,9 +26,9 @@ from anhyst.support.units import parse_header
 
 Values = NDArray[Any]
 
-MOST_BYTES = 1 << 30
+MAX_BYTES = 1 << 30
 """Of one channel, and of what a compressed file becomes; more is refused before it is read."""
-MOST_CHANNELS = 20_000
+MAX_CHANNELS = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,9 @@ ReadChannels = Callable[[Path, Sequence[Channel], int | None], list[Values]]
 """Read whole channels of a file, or so many of their first samples: arrays of shape (samples,)."""
 
 
-def read_keys(_path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
+def read_samples_in_keys(
+    _path: Path, channels: Sequence[Channel], count: int | None
+) -> list[Values]:
     """Read channels whose keys are their samples."""
     return [channel.key[:count] for channel in channels]
 
@@ -64,15 +66,18 @@ class ChannelFile:
 
     path: Path
     channels: tuple[Channel, ...]
-    samples: ReadChannels
+    read_channels: ReadChannels
     notes: tuple[str, ...] = ()
     breaks: tuple[tuple[int, tuple[str, ...]], ...] = ()  # as in `RawColumns`
 
-    def read(self, wanted: Sequence[Channel], count: int | None = None) -> list[Values]:
+    def read(self, requested: Sequence[Channel], count: int | None = None) -> list[Values]:
         """Read channels whole, or only their first samples."""
-        with one_line_if_damaged(self.path):
-            arrays = [plain(values) for values in self.samples(self.path, wanted, count)]
-        for channel, values in zip(wanted, arrays, strict=True):
+        with report_damage(self.path):
+            arrays = [
+                to_plain_values(values)
+                for values in self.read_channels(self.path, requested, count)
+            ]
+        for channel, values in zip(requested, arrays, strict=True):
             expected = channel.length if count is None else min(count, channel.length)
             if values.shape != (expected,):
                 raise InputError(
@@ -102,42 +107,42 @@ class ChannelGroup:
     series: tuple[Series, ...]
 
 
-def sections(file: ChannelFile) -> list[ChannelGroup]:
+def read_groups(file: ChannelFile) -> list[ChannelGroup]:
     """Read everything, in the order of the file; in a group each channel gets a name of its own."""
     groups: dict[tuple[str, Channel | None], list[Channel]] = {}
     for channel in file.channels:
         groups.setdefault((channel.group, channel.clock), []).append(channel)
-    read, used = [], set[tuple[str, str]]()
+    groups_read, used = [], set[tuple[str, str]]()
     for (group, clock), channels in groups.items():
         values = file.read([*([clock] if clock else []), *channels])
         times = Series(clock.name or "t", clock.unit, values.pop(0)) if clock else None
-        taken = {(group, times.name)} if times else set()
+        clock_names = {(group, times.name)} if times else set()
         series = []
         for channel, samples in zip(channels, values, strict=True):
-            name = _free(group, channel.name or "unnamed", used | taken)
+            name = _unused_name(group, channel.name or "unnamed", used | clock_names)
             used.add((group, name))
             series.append(Series(name, channel.unit, samples))
-        read.append(ChannelGroup(group, times, tuple(series)))
-    return read
+        groups_read.append(ChannelGroup(group, times, tuple(series)))
+    return groups_read
 
 
-def numbered(names: Sequence[str]) -> list[str]:
+def number_repeats(names: Sequence[str]) -> list[str]:
     """Return names, those that come again with a number: ``x``, ``x#2``, ..."""
-    seen = Counter[str]()
-    own = []
+    counts = Counter[str]()
+    unique_names = []
     for name in names:
-        seen[name] += 1
-        own.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
-    return own
+        counts[name] += 1
+        unique_names.append(name if counts[name] == 1 else f"{name}#{counts[name]}")
+    return unique_names
 
 
-def _free(group: str, name: str, used: Container[tuple[str, str]]) -> str:
+def _unused_name(group: str, name: str, used: Container[tuple[str, str]]) -> str:
     """Return a name that is not used in a group: ``x``, ``x#2``, ..."""
     names = (name if n == 1 else f"{name}#{n}" for n in itertools.count(1))
     return next(free for free in names if (group, free) not in used)
 
 
-def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
+def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
     """Assign a clock to channels without one: the time channel of their group and length.
 
     It is a channel named as a time with a unit of time, such as ``t`` in s, and the only such one.
@@ -157,13 +162,13 @@ def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
         elif channel is not clock:
             clocked.append(replace(channel, clock=clock))
     # A clock of nothing is a channel like any other.
-    alone = [
+    unused_clocks = [
         clock for clock in clocks.values() if all(other.clock is not clock for other in clocked)
     ]
-    return (*alone, *clocked)
+    return (*unused_clocks, *clocked)
 
 
-def decoded(values: Values, encoding: str = "utf-8") -> Values:
+def decode_texts(values: Values, encoding: str = "utf-8") -> Values:
     """Return texts, some of them as bytes, as an array of texts."""
     texts = [
         value.decode(encoding, "replace") if isinstance(value, bytes) else value for value in values
@@ -173,16 +178,16 @@ def decoded(values: Values, encoding: str = "utf-8") -> Values:
 
 def check_size(path: Path, name: str, samples: int, size: int) -> None:
     """Refuse a channel that says it is larger than any that can be read."""
-    if samples < 0 or samples * max(size, 8) > MOST_BYTES:
+    if samples < 0 or samples * max(size, 8) > MAX_BYTES:
         raise InputError(
             f"{path}: channel '{name}' says that it holds {samples} samples, more than "
-            f"{MOST_BYTES >> 30} GiB; cut the recording into parts",
+            f"{MAX_BYTES >> 30} GiB; cut the recording into parts",
             code="too-large",
             key=name,
         )
 
 
-def plain(values: Values) -> Values:
+def to_plain_values(values: Values) -> Values:
     """Return values as numbers, logicals or texts of shape (n,); dates become s since the first."""
     values = np.asarray(values)
     if values.dtype.kind == "M":
@@ -199,9 +204,9 @@ def plain(values: Values) -> Values:
 
 
 @contextmanager
-def one_line_if_damaged(path: Path) -> Iterator[None]:
+def report_damage(path: Path) -> Iterator[None]:
     """Turn whatever a library makes of a damaged file into an `InputError`."""
-    spoken = logging.root.manager.disable
+    log_level = logging.root.manager.disable
     logging.disable(logging.CRITICAL)  # what libraries log of a damaged file is not that line
     try:
         yield
@@ -218,10 +223,10 @@ def one_line_if_damaged(path: Path) -> Iterator[None]:
             code="damaged-file",
         ) from None
     finally:
-        logging.disable(spoken)
+        logging.disable(log_level)
 
 
-def need_package(path: Path, *names: str) -> None:
+def require_package(path: Path, *names: str) -> None:
     """Refuse a file whose package is not installed, naming the extra."""
     for name in names:
         if importlib.util.find_spec(name) is None:
@@ -232,7 +237,7 @@ def need_package(path: Path, *names: str) -> None:
             )
 
 
-def hash_of(path: Path) -> str:
+def file_sha256(path: Path) -> str:
     """Return the SHA-256 of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
@@ -246,7 +251,7 @@ class Texts:
     codes: NDArray[np.int32]
 
     @classmethod
-    def of(cls, rows: Sequence[str]) -> Texts:
+    def from_rows(cls, rows: Sequence[str]) -> Texts:
         """Take the texts of all rows; values in their order of appearance."""
         order = {text: code for code, text in enumerate(dict.fromkeys(rows))}
         return cls(tuple(order), np.array([order[text] for text in rows], np.int32))
@@ -254,13 +259,13 @@ class Texts:
     def __len__(self) -> int:
         return self.codes.size
 
-    def groups(self) -> list[NDArray[np.intp]]:
+    def rows_by_text(self) -> list[NDArray[np.intp]]:
         """Return the rows of each text that occurs, ascending, in the order of `values`."""
         order = np.argsort(self.codes, kind="stable")
         ends = np.cumsum(np.bincount(self.codes, minlength=len(self.values)))
         return [rows for rows in np.split(order, ends[:-1]) if rows.size]
 
-    def rows(self) -> list[str]:
+    def as_list(self) -> list[str]:
         """Return the text of every row."""
         return [self.values[code] for code in self.codes.tolist()]
 
@@ -293,7 +298,7 @@ class TextInNumbersError(InputError):
         self.column = column
 
 
-def to_number(text: str) -> float:
+def parse_number(text: str) -> float:
     """Return the number that a text is, with a point or a comma as its decimal sign."""
     return float(text.replace(",", ".", 1))
 
@@ -301,13 +306,13 @@ def to_number(text: str) -> float:
 def is_number(text: str) -> bool:
     """Whether a field reads as a number, with decimal point or comma (NaN and Inf included)."""
     try:
-        to_number(text)
+        parse_number(text)
     except ValueError:
         return False
     return "_" not in text
 
 
-_MARK = re.compile(
+_INVALID_MARK = re.compile(
     r"""[+-]?(∞|inf|infinity|nan(\(.*\))?|1?\.?\#(inf|ind|qnan|snan)0*|1\.\#(inf|ind|qnan|snan)0*
     |o\.?l\.?|over|over[- ]?(load|range|flow)|ovld|ovr|ovf|clipped|under[- ]?range|burn[- ]?out
     |invalid|no[ _]?data|null|none|n/?a|\#n/?[av]|\#nv|\#(value|div/0|num|ref|wert|zahl)!?)
@@ -319,19 +324,19 @@ SCPI_MARKS = (9.9e37, 9.91e37)
 """Instruments send these numbers, of either sign, for infinity and for NaN."""
 
 
-def is_mark(text: str) -> bool:
+def is_invalid_mark(text: str) -> bool:
     """Whether a field says that a sample has no measured value; an empty one does too."""
-    return _MARK.fullmatch(text) is not None
+    return _INVALID_MARK.fullmatch(text) is not None
 
 
-def is_value(text: str) -> bool:
+def is_number_or_mark(text: str) -> bool:
     """Whether a field belongs to a column of numbers: a number, or a mark in place of one."""
-    return is_number(text) or (text != "" and is_mark(text))
+    return is_number(text) or (text != "" and is_invalid_mark(text))
 
 
-def is_finite(text: str) -> bool:
+def is_finite_number(text: str) -> bool:
     """Whether a field reads as a number that is neither NaN nor infinite."""
-    return is_number(text) and math.isfinite(to_number(text))
+    return is_number(text) and math.isfinite(parse_number(text))
 
 
 class OpenTable(Protocol):
@@ -360,7 +365,7 @@ class OpenTable(Protocol):
     ) -> RawColumns:
         """Read columns by their indices."""
 
-    def where(self, row: int) -> str:
+    def locate_row(self, row: int) -> str:
         """Return the place of a row of data, counted from 0, such as ``file.csv: line 12``."""
 
 
@@ -396,9 +401,9 @@ class MemoryTable:
                 raise TextInNumbersError(
                     text, column=index, code="text-in-numbers", key=self.header[index]
                 ) from None
-        words = {n: Texts.of([str(value) for value in self.columns[n]]) for n in texts}
+        words = {n: Texts.from_rows([str(value) for value in self.columns[n]]) for n in texts}
         return RawColumns(self.sha256, columns, words, ())
 
-    def where(self, row: int) -> str:
+    def locate_row(self, row: int) -> str:
         """Return the place of a row."""
         return f"{self.source_name}: row {row}"

@@ -11,11 +11,11 @@ import re
 import stat
 from pathlib import Path
 
-from anhyst.data.formats.channels import MOST_BYTES
+from anhyst.data.formats.channels import MAX_BYTES
 from anhyst.support.errors import InputError
 
 HEADER_ADVICE = "name the columns in the first line, such as 'I_A,F_N,gap_m'"
-_UNREAD = (
+_UNREADABLE_FORMATS = (
     (rb"PK", "is a zip archive", "unpack it, or export the table as CSV"),
     (rb"\x1f\x8b", "is a gzip archive", "unpack it"),
     (
@@ -34,7 +34,7 @@ _UNREAD = (
 """Beginnings of files that are not read, what they are, and what to do; the last fits them all."""
 
 
-def _utf16(head: bytes) -> str | None:
+def _detect_utf16(head: bytes) -> str | None:
     """Return the encoding of UTF-16 text, with or without its byte order mark."""
     sample = head[:4096]
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
@@ -51,18 +51,18 @@ def is_text(head: bytes) -> bool:
     if head.startswith((b"PK\x03\x04", b"\x1f\x8b", b"\xd0\xcf\x11\xe0")):
         return False
     control = sum(sample.count(code) for code in range(32) if code not in {9, 10, 12, 13, 26})
-    return _utf16(head) is not None or control <= len(sample) // 200
+    return _detect_utf16(head) is not None or control <= len(sample) // 200
 
 
 def refuse_binary(path: Path, head: bytes) -> None:
     """Refuse a file that is no text, and say which kind of file it is."""
     if is_text(head):
         return
-    _, fault, remedy = next(known for known in _UNREAD if re.match(known[0], head))
+    _, fault, remedy = next(known for known in _UNREADABLE_FORMATS if re.match(known[0], head))
     raise InputError(f"{path}: {fault}; {remedy}", code="not-a-text")
 
 
-def encoding_of(head: bytes) -> str:
+def detect_encoding(head: bytes) -> str:
     """Return UTF-8 if the text decodes as such (the last character may be cut), else Latin-1."""
     if head.startswith(codecs.BOM_UTF8):
         return "utf-8-sig"
@@ -73,7 +73,7 @@ def encoding_of(head: bytes) -> str:
     return "utf-8"
 
 
-def read_head(path: Path, most: int) -> tuple[bytes, int]:
+def read_head(path: Path, max_bytes: int) -> tuple[bytes, int]:
     """Return the first bytes of a file and its size."""
     try:
         mode = path.stat().st_mode
@@ -84,7 +84,7 @@ def read_head(path: Path, most: int) -> tuple[bytes, int]:
                 code="not-a-file",
             )
         with path.open("rb") as file:
-            head = file.read(most)
+            head = file.read(max_bytes)
             size = os.fstat(file.fileno()).st_size
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; check the path", code="no-such-file") from None
@@ -107,14 +107,14 @@ def read_head(path: Path, most: int) -> tuple[bytes, int]:
     return head, size
 
 
-def recode(path: Path, head: bytes) -> bytes | None:
+def recode_utf16(path: Path, head: bytes) -> bytes | None:
     """Return a UTF-16 file as UTF-8; ``None`` if it is in another encoding."""
-    encoding = _utf16(head)
+    encoding = _detect_utf16(head)
     if encoding is None:
         return None
-    if path.stat().st_size > MOST_BYTES:
+    if path.stat().st_size > MAX_BYTES:
         raise InputError(
-            f"{path}: is UTF-16 text of more than {MOST_BYTES >> 30} GiB; save it as UTF-8",
+            f"{path}: is UTF-16 text of more than {MAX_BYTES >> 30} GiB; save it as UTF-8",
             code="too-large",
         )
     return path.read_bytes().decode(encoding, "replace").encode()

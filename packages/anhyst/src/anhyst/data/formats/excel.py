@@ -24,26 +24,26 @@ from anhyst.data.formats.channels import (
     Channel,
     ChannelFile,
     Values,
-    clocks_by_name,
-    is_mark,
+    assign_clocks_by_name,
+    is_invalid_mark,
     is_number,
-    read_keys,
-    to_number,
+    parse_number,
+    read_samples_in_keys,
 )
-from anhyst.data.formats.odd_rows import Thousands, is_statistics, refuse_factors
+from anhyst.data.formats.odd_rows import ThousandsCheck, is_statistics_row, refuse_factors
 from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit
 
-_MOST_BYTES = 1 << 29
+_MAX_EXPANDED_BYTES = 1 << 29
 """That a workbook may expand to: some 10 million cells."""
-_MOST_CELLS = 20_000_000
-_BLOCK = 1 << 20
-_TAIL = 256
+_MAX_CELLS = 20_000_000
+_BLOCK_BYTES = 1 << 20
+_OVERLAP_BYTES = 256
 """Bytes of a block that are looked at again with the next: longer than the start of a cell."""
-_CELL = re.compile(rb'<c\b[^>]{0,200}?\br="([A-Z]{1,4})([0-9]{1,8})"')
-_ROW = re.compile(rb'<row\b[^>]{0,200}?\br="([0-9]{1,8})"')
-_SHARED = re.compile(rb't="s"')
-_DAMAGE = (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError)
+_CELL_TAG = re.compile(rb'<c\b[^>]{0,200}?\br="([A-Z]{1,4})([0-9]{1,8})"')
+_ROW_TAG = re.compile(rb'<row\b[^>]{0,200}?\br="([0-9]{1,8})"')
+_SHARED_TEXT = re.compile(rb't="s"')
+_DAMAGE_ERRORS = (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError)
 
 
 def is_workbook(path: Path) -> bool:
@@ -55,12 +55,12 @@ def is_workbook(path: Path) -> bool:
         return False
 
 
-class _Guard:
+class _SizeGuard:
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.total = 0
-        self.longest = 0
-        self.references = 0
+        self.expanded_bytes = 0
+        self.longest_text = 0
+        self.text_references = 0
 
     def check(self) -> None:
         """Refuse a workbook that would not fit into memory."""
@@ -68,15 +68,15 @@ class _Guard:
             with zipfile.ZipFile(self.path) as archive:
                 for member in archive.infolist():
                     with archive.open(member) as stream:
-                        self._count(member.filename, iter(lambda: stream.read(_BLOCK), b""))
-        except _DAMAGE as error:
+                        self._count(member.filename, iter(lambda: stream.read(_BLOCK_BYTES), b""))
+        except _DAMAGE_ERRORS as error:
             raise InputError(
                 f"{self.path}: is no whole workbook ({error}); save it again, or export it as CSV",
                 code="damaged-file",
             ) from None
-        if self.longest * self.references > 4 * _MOST_BYTES:
+        if self.longest_text * self.text_references > 4 * _MAX_EXPANDED_BYTES:
             raise InputError(
-                f"{self.path}: repeats texts of {self.longest} bytes {self.references} times; "
+                f"{self.path}: repeats texts of {self.longest_text} bytes {self.text_references} times; "
                 "export the sheet as CSV",
                 code="too-large",
             )
@@ -84,33 +84,33 @@ class _Guard:
     def _count(self, name: str, blocks: Iterator[bytes]) -> None:
         """Count one file of the archive."""
         is_sheet, is_texts = "worksheets/" in name, name.lower().endswith("sharedstrings.xml")
-        corners, tail, running = _Corners(), b"", 0
+        cell_range, tail, open_text_length = _CellRange(), b"", 0
         for block in blocks:
-            self.total += len(block)
-            if self.total > _MOST_BYTES:
+            self.expanded_bytes += len(block)
+            if self.expanded_bytes > _MAX_EXPANDED_BYTES:
                 raise InputError(
-                    f"{self.path}: expands to more than {_MOST_BYTES >> 20} MiB; export the sheet "
+                    f"{self.path}: expands to more than {_MAX_EXPANDED_BYTES >> 20} MiB; export the sheet "
                     "as CSV",
                     code="too-large",
                 )
             if is_sheet:
-                corners.see(tail + block)
-                self.references += len(_SHARED.findall(tail[-8:] + block))
-                tail = block[-_TAIL:]
+                cell_range.include(tail + block)
+                self.text_references += len(_SHARED_TEXT.findall(tail[-8:] + block))
+                tail = block[-_OVERLAP_BYTES:]
             elif is_texts:
                 first, *others = block.split(b"</si>")
-                running += len(first)
-                self.longest = max(self.longest, running, *map(len, others), 0)
-                running = len(others[-1]) if others else running
-        if corners.cells > _MOST_CELLS:
+                open_text_length += len(first)
+                self.longest_text = max(self.longest_text, open_text_length, *map(len, others), 0)
+                open_text_length = len(others[-1]) if others else open_text_length
+        if cell_range.cell_count > _MAX_CELLS:
             raise InputError(
-                f"{self.path}: {name} says that it holds {corners.cells} cells; delete what stands "
+                f"{self.path}: {name} says that it holds {cell_range.cell_count} cells; delete what stands "
                 "far from the table, or export it as CSV",
                 code="too-large",
             )
 
 
-class _Corners:
+class _CellRange:
     """The least rectangle that holds all cells seen."""
 
     def __init__(self) -> None:
@@ -118,16 +118,16 @@ class _Corners:
         self.columns = (1 << 30, 0)
 
     @property
-    def cells(self) -> int:
+    def cell_count(self) -> int:
         """Number of its cells, at least one a row."""
         rows, columns = (max(0, last - first + 1) for first, last in (self.rows, self.columns))
         return rows * max(1, columns)
 
-    def see(self, text: bytes) -> None:
+    def include(self, text: bytes) -> None:
         """Look at a piece of a sheet."""
-        rows = {int(row) for row in _ROW.findall(text)}
+        rows = {int(row) for row in _ROW_TAG.findall(text)}
         columns = set()
-        for letters, row in set(_CELL.findall(text)):
+        for letters, row in set(_CELL_TAG.findall(text)):
             rows.add(int(row))
             column = 0
             for letter in letters:
@@ -137,9 +137,9 @@ class _Corners:
         self.columns = (min(self.columns[0], *columns, 1 << 30), max(self.columns[1], *columns, 0))
 
 
-_LEAST_ROWS = 3
-_LAST_HEADER = 1000
-_VALUES = (int, float, datetime.datetime, datetime.date, datetime.time, datetime.timedelta)
+_MIN_DATA_ROWS = 3
+_MAX_HEADER_ROW = 1000
+_VALUE_TYPES = (int, float, datetime.datetime, datetime.date, datetime.time, datetime.timedelta)
 
 Rows = Sequence[Sequence[Any]]
 
@@ -151,53 +151,61 @@ def open_excel(path: Path) -> ChannelFile:
     Rows above the header are skipped; a row of units below it is understood, and so is a header
     merged with the cell above. Cells of dates become seconds since the first.
     """
-    _Guard(path).check()
+    _SizeGuard(path).check()
     from python_calamine import CalamineWorkbook
 
     workbook = CalamineWorkbook.from_path(str(path))
     tables = []
     for name in workbook.sheet_names:
         rows = workbook.get_sheet_by_name(name).to_python(skip_empty_area=True)
-        if (start := _find_data(rows)) is not None:
+        if (start := _find_first_data_row(rows)) is not None:
             tables.append((name, rows, start))
     if not tables:
         raise InputError(
-            f"{path}: no sheet holds a header and {_LEAST_ROWS} rows of numbers below it; put one "
+            f"{path}: no sheet holds a header and {_MIN_DATA_ROWS} rows of numbers below it; put one "
             "table on a sheet, or export it as CSV",
             code="no-table",
         )
-    sheets = [_Sheet.of(path, *table) for table in tables]
-    alike = [sheet for sheet in sheets if sheet.header == sheets[0].header]
-    others = ", ".join(f"'{sheet.name}'" for sheet in sheets if sheet not in alike)
-    notes = [note for sheet in alike for note in sheet.notes]
-    notes += [f"sheet '{alike[0].name}' is read, not {others}"] if others else []
-    channels = _columns(path, alike)
+    sheets = [_Sheet.from_rows(path, *table) for table in tables]
+    same_header_sheets = [sheet for sheet in sheets if sheet.header == sheets[0].header]
+    skipped_sheets = ", ".join(
+        f"'{sheet.name}'" for sheet in sheets if sheet not in same_header_sheets
+    )
+    notes = [note for sheet in same_header_sheets for note in sheet.notes]
+    notes += (
+        [f"sheet '{same_header_sheets[0].name}' is read, not {skipped_sheets}"]
+        if skipped_sheets
+        else []
+    )
+    channels = _merge_columns(path, same_header_sheets)
     breaks, first = [], 0
-    for sheet in alike:
+    for sheet in same_header_sheets:
         breaks += [(first + row, texts) for row, texts in sheet.breaks]
         first += len(sheet.cells)
-    return ChannelFile(path, clocks_by_name(channels), read_keys, tuple(notes), tuple(breaks))
+    return ChannelFile(
+        path, assign_clocks_by_name(channels), read_samples_in_keys, tuple(notes), tuple(breaks)
+    )
 
 
 def _is_value(cell: Any) -> bool:
     """Whether a cell holds a number, a date, or a number that is stored as text."""
-    return isinstance(cell, _VALUES) or (isinstance(cell, str) and is_number(cell))
+    return isinstance(cell, _VALUE_TYPES) or (isinstance(cell, str) and is_number(cell))
 
 
-def _find_data(rows: Rows) -> int | None:
+def _find_first_data_row(rows: Rows) -> int | None:
     """Find the first of some rows with values in the same columns, below names for them all."""
-    for start in range(1, min(_LAST_HEADER, len(rows) - _LEAST_ROWS + 1)):
-        held = [
+    for start in range(1, min(_MAX_HEADER_ROW, len(rows) - _MIN_DATA_ROWS + 1)):
+        value_columns = [
             {column for column, cell in enumerate(row) if _is_value(cell)}
-            for row in rows[start : start + _LEAST_ROWS]
+            for row in rows[start : start + _MIN_DATA_ROWS]
         ]
-        common = set.intersection(*held)
-        if common and all(_name_above(rows, start, column) for column in common):
+        common = set.intersection(*value_columns)
+        if common and all(_find_name_above(rows, start, column) for column in common):
             return start
     return None
 
 
-def _name_above(rows: Rows, start: int, column: int) -> str:
+def _find_name_above(rows: Rows, start: int, column: int) -> str:
     """Text above a column of values; where a cell is merged it stands one row higher."""
     for row in range(start - 1, max(-1, start - 3), -1):
         cell = rows[row][column]
@@ -217,73 +225,82 @@ class _Sheet:
     notes: list[str]
 
     @classmethod
-    def of(cls, path: Path, name: str, rows: Rows, start: int) -> _Sheet:
+    def from_rows(cls, path: Path, name: str, rows: Rows, start: int) -> _Sheet:
         """Understand the rows of a sheet whose data begin at one of them."""
-        names, units = _header(rows, start)
+        names, units = _find_header(rows, start)
         head = [" ".join(str(cell) for cell in row if cell != "") for row in rows[:start]]
         is_length = re.fullmatch(r"[\d.,]+ ?[^\W\d]+", name.strip()) is not None
         breaks = [(0, (f"gap = {name}" if is_length else name, *head))]
         cells: list[Sequence[Any]] = []
-        notes, is_apart = [], False
+        notes, is_after_break = [], False
         for number, row in enumerate(rows[start:], start=start + 1):
-            held = [cell for cell in row if cell != ""]
-            words = [str(cell) for cell in held]
-            is_text = bool(held) and not any(_is_value(cell) or is_mark(str(cell)) for cell in held)
-            if held and isinstance(held[0], str):
-                refuse_factors(f"{path}: sheet '{name}', row {number} of the table", words)
-            if is_text or (held and isinstance(held[0], str) and is_statistics(words)):
+            filled = [cell for cell in row if cell != ""]
+            cell_texts = [str(cell) for cell in filled]
+            is_text = bool(filled) and not any(
+                _is_value(cell) or is_invalid_mark(str(cell)) for cell in filled
+            )
+            if filled and isinstance(filled[0], str):
+                refuse_factors(f"{path}: sheet '{name}', row {number} of the table", cell_texts)
+            if is_text or (filled and isinstance(filled[0], str) and is_statistics_row(cell_texts)):
                 notes.append(
-                    f"sheet '{name}': '{' '.join(words)[:60]}' is no sample and is left out"
+                    f"sheet '{name}': '{' '.join(cell_texts)[:60]}' is no sample and is left out"
                 )
-            elif held:
-                breaks += [(len(cells), ())] if is_apart else []
+            elif filled:
+                breaks += [(len(cells), ())] if is_after_break else []
                 cells.append(row)
-            is_apart = not held or is_text
+            is_after_break = not filled or is_text
         return cls(name, tuple(zip(names, units, strict=True)), cells, breaks, notes)
 
 
-def _header(rows: Rows, start: int) -> tuple[list[str], list[str]]:
+def _find_header(rows: Rows, start: int) -> tuple[list[str], list[str]]:
     """Return the names and the units of the columns."""
     width = range(len(rows[start]))
-    names, units = [_name_above(rows, start, column) for column in width], [""] * len(width)
-    above = [_name_above(rows, start - 1, column) for column in width] if start > 1 else names
-    stated = [find_unit(name.strip("[]() ")) is not None for name in names]
+    names, units = [_find_name_above(rows, start, column) for column in width], [""] * len(width)
+    names_above = (
+        [_find_name_above(rows, start - 1, column) for column in width] if start > 1 else names
+    )
+    is_unit = [find_unit(name.strip("[]() ")) is not None for name in names]
     # A row of units has names above it; a row of names may have a title.
-    if any(stated) and all(above[column] for column in width if stated[column]):
+    if any(is_unit) and all(names_above[column] for column in width if is_unit[column]):
         units = [
-            name.strip("[]() ") if unit else "" for name, unit in zip(names, stated, strict=True)
+            name.strip("[]() ") if unit else "" for name, unit in zip(names, is_unit, strict=True)
         ]
-        names = [up or name for up, name in zip(above, names, strict=True)]
+        names = [up or name for up, name in zip(names_above, names, strict=True)]
     return names, units
 
 
-def _columns(path: Path, sheets: Sequence[_Sheet]) -> list[Channel]:
+def _merge_columns(path: Path, sheets: Sequence[_Sheet]) -> list[Channel]:
     """Put the same columns of several sheets below each other."""
-    thousands = Thousands(None)
+    thousands = ThousandsCheck(None)
     for row in (row for sheet in sheets for row in sheet.cells):
-        thousands.see(1, [cell if isinstance(cell, str) else "" for cell in row])
-    thousands.refuse(f"{path}: sheet '{sheets[0].name}'", range(len(sheets[0].header)))
+        thousands.observe(1, [cell if isinstance(cell, str) else "" for cell in row])
+    thousands.refuse_doubtful(f"{path}: sheet '{sheets[0].name}'", range(len(sheets[0].header)))
     channels = []
     for column, (name, unit) in enumerate(sheets[0].header):
         if not name:
             continue
         cells = [row[column] for sheet in sheets for row in sheet.cells]
-        values, is_date = _values(f"{path}: sheet '{sheets[0].name}', column '{name}'", cells)
+        values, is_date = _convert_cells(
+            f"{path}: sheet '{sheets[0].name}', column '{name}'", cells
+        )
         is_text = values.dtype.kind == "U"
         key = "s" if is_date else unit
         channels.append(Channel(name, len(cells), values, key, "", None, is_text))
     return channels
 
 
-def _values(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
+def _convert_cells(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     """Values of a column, and whether it is dates or times of a day."""
-    if all(_is_value(cell) or cell == "" or is_mark(str(cell)) for cell in cells):
+    if all(_is_value(cell) or cell == "" or is_invalid_mark(str(cell)) for cell in cells):
         cells = [
-            to_number(cell) if isinstance(cell, str) and is_number(cell) else cell for cell in cells
+            parse_number(cell) if isinstance(cell, str) and is_number(cell) else cell
+            for cell in cells
         ]
     kinds = {type(cell) for cell in cells}
     if str in kinds and kinds & {int, float}:  # marks such as OL among numbers
-        cells = [math.nan if isinstance(cell, str) and is_mark(cell) else cell for cell in cells]
+        cells = [
+            math.nan if isinstance(cell, str) and is_invalid_mark(cell) else cell for cell in cells
+        ]
         kinds = {type(cell) for cell in cells}
     if all(cell == "" for cell in cells):  # formulas without results
         return np.full(len(cells), math.nan), False
@@ -292,7 +309,7 @@ def _values(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     if kinds == {datetime.datetime}:
         return np.array(cells, dtype="datetime64[us]"), True
     if kinds <= {datetime.time, datetime.timedelta, int, float}:
-        return np.array([_seconds(cell) for cell in cells]), True
+        return np.array([_to_seconds(cell) for cell in cells]), True
     if isinstance(cells[0], str):
         return np.array([str(cell) for cell in cells]), False
     row = next(row_of for row_of, cell in enumerate(cells) if type(cell) is not type(cells[0]))
@@ -302,7 +319,7 @@ def _values(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     )
 
 
-def _seconds(cell: Any) -> float:
+def _to_seconds(cell: Any) -> float:
     """Seconds of a time of a day; Excel counts in days."""
     if isinstance(cell, datetime.timedelta):
         return cell.total_seconds()

@@ -11,24 +11,24 @@ import numpy as np
 
 from anhyst.data.formats.channel_table import opener
 from anhyst.data.formats.channels import (
-    MOST_CHANNELS,
+    MAX_CHANNELS,
     Channel,
     ChannelFile,
     ChannelGroup,
     Values,
+    assign_clocks_by_name,
     check_size,
-    clocks_by_name,
-    decoded,
+    decode_texts,
 )
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
 _UNITS = ("unit", "units", "Unit", "Units")
-DEEPEST = 40
+MAX_GROUP_DEPTH = 40
 
 
 @dataclass(frozen=True)
-class _Key:
+class _SampleKey:
     """Where the samples of a channel are: a dataset, and a field or column of it."""
 
     name: str
@@ -50,20 +50,24 @@ def open_hdf5(path: Path) -> ChannelFile:
         scales: dict[str, Channel] = {}
         clocks: dict[int, str] = {}
         for dataset in datasets(path, file):
-            for channel in _channels(path, dataset):
+            for channel in _dataset_channels(path, dataset):
                 if dataset.is_scale:
                     scales[dataset.name] = channel
-                elif (scale := _scale(dataset)) is not None:
+                elif (scale := _first_axis_scale(dataset)) is not None:
                     clocks[len(channels)] = scale
                 channels.append(channel)
-        stated = [f"{key} = {value}" for key, value in file.attrs.items() if np.ndim(value) == 0]
-        used = {scales[name] for name in clocks.values() if name in scales}
-        own = [
+        attributes = [
+            f"{key} = {value}" for key, value in file.attrs.items() if np.ndim(value) == 0
+        ]
+        used_scales = {scales[name] for name in clocks.values() if name in scales}
+        kept_channels = [
             replace(channel, clock=scales.get(clocks.get(index, ""), channel.clock))
             for index, channel in enumerate(channels)
-            if channel not in used
+            if channel not in used_scales
         ]
-    return ChannelFile(path, clocks_by_name(own), _read, (), ((0, tuple(stated)),))
+    return ChannelFile(
+        path, assign_clocks_by_name(kept_channels), _read, (), ((0, tuple(attributes)),)
+    )
 
 
 def datasets(path: Path, group: Any) -> Iterator[Any]:
@@ -74,9 +78,9 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
     waiting = [(group, 0)]
     while waiting:
         folder, depth = waiting.pop(0)
-        if depth > DEEPEST or len(seen) > MOST_CHANNELS:
+        if depth > MAX_GROUP_DEPTH or len(seen) > MAX_CHANNELS:
             raise InputError(
-                f"{path}: holds more than {MOST_CHANNELS} objects, or groups more than {DEEPEST} "
+                f"{path}: holds more than {MAX_CHANNELS} objects, or groups more than {MAX_GROUP_DEPTH} "
                 "deep; export the channels you need",
                 code="nested-too-deep",
             )
@@ -122,7 +126,7 @@ def check_dataset(path: Path, dataset: Any) -> None:
     check_size(path, dataset.name, int(dataset.size or 0), int(dataset.dtype.itemsize))
 
 
-def _channels(path: Path, dataset: Any) -> list[Channel]:
+def _dataset_channels(path: Path, dataset: Any) -> list[Channel]:
     """Channels of a dataset: one, one a column, or one a field."""
     group, _, name = dataset.name.strip("/").rpartition("/")
     shape, kind = dataset.shape, dataset.dtype
@@ -132,7 +136,7 @@ def _channels(path: Path, dataset: Any) -> list[Channel]:
         if len(shape) != 1:
             return []
         return [
-            Channel(entry, shape[0], _Key(dataset.name, field=entry), group=dataset.name.strip("/"),
+            Channel(entry, shape[0], _SampleKey(dataset.name, field=entry), group=dataset.name.strip("/"),
                     is_text=_is_text(dataset, sub))
             for entry, (sub, *_) in kind.fields.items()
             if sub.kind in "biufSO" and sub.shape == ()
@@ -140,13 +144,15 @@ def _channels(path: Path, dataset: Any) -> list[Channel]:
     is_text = _is_text(dataset, kind)
     if (kind.kind not in "biuf" and not is_text) or len(shape) > 2:
         return []
-    unit = _unit(dataset)
+    unit = _read_unit(dataset)
     if len(shape) < 2 or 1 in shape:
-        return [Channel(name, int(dataset.size), _Key(dataset.name), unit, group, None, is_text)]
+        return [
+            Channel(name, int(dataset.size), _SampleKey(dataset.name), unit, group, None, is_text)
+        ]
     return [
-        Channel(f"{name}_{n + 1}", shape[0], _Key(dataset.name, column=n), unit, group, None,
+        Channel(f"{name}_{n + 1}", shape[0], _SampleKey(dataset.name, column=n), unit, group, None,
                 is_text)
-        for n in range(min(shape[1], MOST_CHANNELS))
+        for n in range(min(shape[1], MAX_CHANNELS))
     ]  # fmt: skip
 
 
@@ -156,7 +162,7 @@ def _is_text(dataset: Any, kind: Any) -> bool:
     return kind.kind == "S" or h5py.check_string_dtype(kind) is not None
 
 
-def _unit(dataset: Any) -> str:
+def _read_unit(dataset: Any) -> str:
     for key in _UNITS:
         if key in dataset.attrs:
             value = dataset.attrs[key]
@@ -167,7 +173,7 @@ def _unit(dataset: Any) -> str:
     return ""
 
 
-def _scale(dataset: Any) -> str | None:
+def _first_axis_scale(dataset: Any) -> str | None:
     """Name of the dataset that is the scale of the first axis."""
     if "DIMENSION_LIST" not in dataset.attrs or len(dataset.dims[0]) != 1:
         return None
@@ -179,11 +185,11 @@ def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Va
     import h5py
 
     with h5py.File(path, "r") as file:
-        return [_samples(file[channel.key.name], channel, count) for channel in channels]
+        return [_read_samples(file[channel.key.name], channel, count) for channel in channels]
 
 
-def _samples(dataset: Any, channel: Channel, count: int | None) -> Values:
-    key: _Key = channel.key
+def _read_samples(dataset: Any, channel: Channel, count: int | None) -> Values:
+    key: _SampleKey = channel.key
     if dataset.ndim == 0:
         values = np.atleast_1d(dataset[()])
     elif key.field is not None:
@@ -193,7 +199,7 @@ def _samples(dataset: Any, channel: Channel, count: int | None) -> Values:
     else:
         values = np.ravel(dataset[()])[:count] if dataset.ndim > 1 else dataset[:count]
     if channel.is_text:
-        return decoded(values)
+        return decode_texts(values)
     return np.asarray(values)
 
 
@@ -208,21 +214,23 @@ def write_hdf5(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
             group = (file.get(name) or file.create_group(name, track_order=True)) if name else file
             if section.clock is not None and section.clock.name in group:
                 base = name or "channels"
-                free = next(n for n in range(2, MOST_CHANNELS) if f"{base}_{n}" not in file)
-                notes.append(f"group '{name}' has several clocks: '{base}_{free}' holds the next")
-                group = file.create_group(f"{base}_{free}", track_order=True)
+                free_number = next(n for n in range(2, MAX_CHANNELS) if f"{base}_{n}" not in file)
+                notes.append(
+                    f"group '{name}' has several clocks: '{base}_{free_number}' holds the next"
+                )
+                group = file.create_group(f"{base}_{free_number}", track_order=True)
             scale = None
             if section.clock is not None:
-                scale = _put(group, section.clock)
+                scale = _write_dataset(group, section.clock)
                 scale.make_scale(section.clock.name)
             for signal in section.series:
-                dataset = _put(group, signal)
+                dataset = _write_dataset(group, signal)
                 if scale is not None:
                     dataset.dims[0].attach_scale(scale)
     return tuple(notes)
 
 
-def _put(group: Any, signal: Any) -> Any:
+def _write_dataset(group: Any, signal: Any) -> Any:
     import h5py
 
     values = signal.values

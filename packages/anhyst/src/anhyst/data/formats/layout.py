@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
-from anhyst.data.formats.channels import numbered
+from anhyst.data.formats.channels import number_repeats
 from anhyst.data.formats.encoding import (
     HEADER_ADVICE,
-    encoding_of,
+    detect_encoding,
     read_head,
-    recode,
+    recode_utf16,
     refuse_binary,
 )
-from anhyst.data.formats.loggers import find_logger
+from anhyst.data.formats.loggers import recognise_logger
 from anhyst.data.formats.preamble import (
     Column,
     HeadTooShortError,
@@ -26,14 +26,14 @@ from anhyst.data.formats.preamble import (
     split_line,
 )
 from anhyst.data.formats.sections import join_sections
-from anhyst.data.formats.stamps import STAMP
+from anhyst.data.formats.stamps import TIME_STAMP
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.units import parse_header
 
 _HEAD_BYTES = (1 << 16, 1 << 22)
 """Bytes looked at for the header: few, and many where comments or columns are many."""
-_ROWS_SEEN = 50
+_MAX_SAMPLE_ROWS = 50
 """Rows of data that are looked at for the kinds of their fields."""
 
 
@@ -46,7 +46,7 @@ class Layout:
     encoding: str
     eol: bytes
     table: TextColumns
-    stamp: int | None  # index of a column of times of day, which become seconds
+    stamp_column: int | None  # index of a column of times of day, which become seconds
     notes: tuple[str, ...]
     offset: int  # byte at which the data start
     content: bytes | None  # the file as recoded; None if its bytes are read as they are
@@ -68,9 +68,9 @@ class Layout:
         return units if any(units) else None
 
     @property
-    def line(self) -> int:
+    def first_line_number(self) -> int:
         """Line at which the data start; the first is 1."""
-        return self.table.first + 1
+        return self.table.first_line + 1
 
     def split(self, text: str) -> list[str]:
         """Split one line into its fields, quotes and surrounding blanks removed."""
@@ -84,18 +84,20 @@ class Layout:
 Kind = TypeVar("Kind", bound=Layout)
 
 
-def read_layout(path: PathLike, least: int, kind: type[Kind]) -> Kind:
+def read_layout(path: PathLike, min_columns: int, kind: type[Kind]) -> Kind:
     """Look at the beginning of a text table, which becomes a layout of some kind."""
     path = Path(path)
-    for most in _HEAD_BYTES:
-        head, size = read_head(path, most)
+    for max_bytes in _HEAD_BYTES:
+        head, size = read_head(path, max_bytes)
         refuse_binary(path, head)
-        content, table = join_sections(path, head, recode(path, head))
+        content, table = join_sections(path, head, recode_utf16(path, head))
         if content is not None:
-            head, size = content[:most], len(content)
-        last = size <= len(head) or most == _HEAD_BYTES[-1]
+            head, size = content[:max_bytes], len(content)
+        is_last = size <= len(head) or max_bytes == _HEAD_BYTES[-1]
         try:
-            return _find_layout(kind, path, head, size, content, table, least, last=last)
+            return _find_layout(
+                kind, path, head, size, content, table, min_columns, is_last=is_last
+            )
         except HeadTooShortError:
             continue
     raise InputError(
@@ -111,48 +113,53 @@ def _find_layout(
     size: int,
     content: bytes | None,
     table: TextColumns | None,
-    least: int,
+    min_columns: int,
     *,
-    last: bool,
+    is_last: bool,
 ) -> Kind:
-    encoding = encoding_of(head)
-    start = 3 if encoding == "utf-8-sig" else 0
+    encoding = detect_encoding(head)
+    bom_length = 3 if encoding == "utf-8-sig" else 0
     eol = b"\n" if b"\n" in head or b"\r" not in head else b"\r"
-    complete = size <= len(head)
-    lines = _lines(head[start:], eol, encoding, complete=complete)
+    is_complete = size <= len(head)
+    lines = _split_head(head[bom_length:], eol, encoding, is_complete=is_complete)
     notes, first = skip_comments(lines, 0)
     if first == len(lines):
-        if not complete:
+        if not is_complete:
             raise HeadTooShortError
         raise InputError(
             f"{path}: holds no table, only blank lines and comments; {HEADER_ADVICE}",
             code="no-table",
         )
     if table is None:
-        table = find_logger(path, lines, first)
+        table = recognise_logger(path, lines, first)
     if table is None:
-        table, remarks = find_header(path, lines, first, least, last=last)
+        table, remarks = find_header(path, lines, first, min_columns, is_last=is_last)
         notes += remarks
-    _, data = skip_comments(lines, table.first)
-    if data >= len(lines):
-        if not complete:
+    _, data_line = skip_comments(lines, table.first_line)
+    if data_line >= len(lines):
+        if not is_complete:
             raise HeadTooShortError
         raise InputError(f"{path}: has a header but no data; nothing to read", code="no-data")
     needed = 1 + max((column.position or 0 for column in table.columns), default=0)
-    table = replace(table, first=data, width=max(table.width, needed))
-    rows = [split_line(text, table.delimiter) for text, _ in lines[table.first :][:_ROWS_SEEN]]
-    table, stamp = _with_stamps(table, rows)
-    names = numbered([column.name for column in table.columns])
+    table = replace(table, first_line=data_line, width=max(table.width, needed))
+    rows = [
+        split_line(text, table.delimiter)
+        for text, _ in lines[table.first_line :][:_MAX_SAMPLE_ROWS]
+    ]
+    table, stamp_column = _find_stamp_column(table, rows)
+    names = number_repeats([column.name for column in table.columns])
     columns = [
         replace(column, name=name) if column.name else column
         for column, name in zip(table.columns, names, strict=True)
     ]
     table = replace(table, columns=tuple(columns))
-    offset = start + lines[table.first][1]
-    return kind(path, size, encoding, eol, table, stamp, (*notes, *table.notes), offset, content)
+    offset = bom_length + lines[table.first_line][1]
+    return kind(
+        path, size, encoding, eol, table, stamp_column, (*notes, *table.notes), offset, content
+    )
 
 
-def _with_stamps(table: TextColumns, rows: list[list[str]]) -> tuple[TextColumns, int | None]:
+def _find_stamp_column(table: TextColumns, rows: list[list[str]]) -> tuple[TextColumns, int | None]:
     """Find a column of times of day in a table without another time; its unit is then s."""
     rows = [row for row in rows if any(row)]
     is_time = [parse_header(column.name, column.unit).is_clock for column in table.columns]
@@ -161,20 +168,20 @@ def _with_stamps(table: TextColumns, rows: list[list[str]]) -> tuple[TextColumns
             continue
         position = column.position
         fields = [row[position] for row in rows if position is not None and position < len(row)]
-        matches = [STAMP.fullmatch(field) for field in fields]
+        matches = [TIME_STAMP.fullmatch(field) for field in fields]
         if fields and all(match is not None and match["h"] for match in matches):
-            known = is_time[index] and parse_header(column.name, "s").problem is None
-            clock = Column(column.name if known else "t", "s", position)
+            is_time_name = is_time[index] and parse_header(column.name, "s").problem is None
+            clock = Column(column.name if is_time_name else "t", "s", position)
             columns = (*table.columns[:index], clock, *table.columns[index + 1 :])
             return replace(table, columns=columns), index
     return table, None
 
 
-def _lines(head: bytes, eol: bytes, encoding: str, *, complete: bool) -> Lines:
+def _split_head(head: bytes, eol: bytes, encoding: str, *, is_complete: bool) -> Lines:
     """Return the lines of the head with their byte offsets, without a last line that may be cut."""
     lines: Lines = []
     offset = 0
     for piece in head.split(eol):
         lines.append((piece.decode(encoding, "replace").rstrip("\r"), offset))
         offset += len(piece) + len(eol)
-    return lines if complete or len(lines) == 1 else lines[:-1]
+    return lines if is_complete or len(lines) == 1 else lines[:-1]

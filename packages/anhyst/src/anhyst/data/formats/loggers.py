@@ -10,11 +10,18 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from anhyst.data.formats.channels import is_number, is_value, to_number
-from anhyst.data.formats.preamble import Column, Lines, TextColumns, find_run, split_line, unit_text
+from anhyst.data.formats.channels import is_number, is_number_or_mark, parse_number
+from anhyst.data.formats.preamble import (
+    Column,
+    Lines,
+    TextColumns,
+    find_run,
+    normalise_unit,
+    split_line,
+)
 from anhyst.support.errors import InputError
 
-_SETTINGS = re.compile(
+_TEKTRONIX_SETTINGS = re.compile(
     r"(record length|sample interval|trigger (point|time)|vertical (units|scale|offset)|source"
     r"|horizontal (units|scale)|probe atten|proid)",
     re.IGNORECASE,
@@ -22,7 +29,7 @@ _SETTINGS = re.compile(
 """Settings that Tektronix and others write into the columns beside the data."""
 
 
-def find_logger(path: Path, lines: Lines, first: int) -> TextColumns | None:
+def recognise_logger(path: Path, lines: Lines, first: int) -> TextColumns | None:
     """Return the columns of the first recogniser that knows a file; ``first`` is no comment."""
     for recognise in _RECOGNISERS:
         table = recognise(path, lines, first)
@@ -32,23 +39,23 @@ def find_logger(path: Path, lines: Lines, first: int) -> TextColumns | None:
     return None
 
 
-def _plain(field: str) -> str:
+def _normalise(field: str) -> str:
     return field.strip(' ":').lower()
 
 
-_START = re.compile(r"\s*t0\s*=\s*(\S+?)\s*s?\s*", re.IGNORECASE)
-_STEP = re.compile(r"\s*tInc\s*=\s*(\S+?)\s*s?\s*", re.IGNORECASE)
-_CHANNEL = re.compile(r"(?:X\()?(CH\d+|MATH\d*|REF\d*)\)?\s*\(?(V|A|W)?\)?", re.IGNORECASE)
+_RIGOL_START = re.compile(r"\s*t0\s*=\s*(\S+?)\s*s?\s*", re.IGNORECASE)
+_RIGOL_STEP = re.compile(r"\s*tInc\s*=\s*(\S+?)\s*s?\s*", re.IGNORECASE)
+_CHANNEL_NAME = re.compile(r"(?:X\()?(CH\d+|MATH\d*|REF\d*)\)?\s*\(?(V|A|W)?\)?", re.IGNORECASE)
 
 
-def _rigol(path: Path, lines: Lines, first: int) -> TextColumns | None:
+def _recognise_rigol(path: Path, lines: Lines, first: int) -> TextColumns | None:
     """Read Rigol: start and step of the time are in the header, as columns or as ``t0 =``."""
     header = split_line(lines[first][0], ",")
     below = split_line(lines[first + 1][0], ",") if first + 1 < len(lines) else []
-    words = [_plain(field) for field in header]
+    words = [_normalise(field) for field in header]
     timing: dict[str, str] = {}
     for index, (field, word) in enumerate(zip(header, words, strict=True)):
-        for name, pattern in (("start", _START), ("increment", _STEP)):
+        for name, pattern in (("start", _RIGOL_START), ("increment", _RIGOL_STEP)):
             if match := pattern.fullmatch(field):
                 timing[name] = match[1]
             elif word == name and index < len(below):
@@ -62,7 +69,7 @@ def _rigol(path: Path, lines: Lines, first: int) -> TextColumns | None:
     row = split_line(lines[data][0], ",")
     columns = [Column("t", "s", None)]
     for index, (field, word) in enumerate(zip(header, words, strict=True)):
-        if _START.fullmatch(field) or _STEP.fullmatch(field) or word in {"", *timing}:
+        if _RIGOL_START.fullmatch(field) or _RIGOL_STEP.fullmatch(field) or word in {"", *timing}:
             continue
         if word == "x":
             columns = [Column("t", "s", index, is_counter=True)]
@@ -71,34 +78,34 @@ def _rigol(path: Path, lines: Lines, first: int) -> TextColumns | None:
             if index < len(row) and not row[index]:
                 continue  # the header says the times
             columns = []
-        match = _CHANNEL.fullmatch(field)
+        match = _CHANNEL_NAME.fullmatch(field)
         name, unit = (match[1], match[2] or "") if match else (field, "")
-        columns.append(Column(name, unit_text(units[index]) if units else unit, index))
-    clock = (to_number(timing["start"]), to_number(timing["increment"]))
+        columns.append(Column(name, normalise_unit(units[index]) if units else unit, index))
+    clock = (parse_number(timing["start"]), parse_number(timing["increment"]))
     return TextColumns(data, ",", len(row), tuple(columns), clock)
 
 
-def _named_by_source(path: Path, lines: Lines, first: int) -> TextColumns | None:
+def _recognise_keysight(path: Path, lines: Lines, first: int) -> TextColumns | None:
     """Read Keysight and Siglent: a row of channels over a row of units that begins with seconds."""
     for index in range(first, min(first + 40, len(lines) - 2)):
         names = split_line(lines[index][0], ",")
         units = split_line(lines[index + 1][0], ",")
-        is_named = _plain(names[0]) in {"x-axis", "source", "time"}
-        if not is_named or _plain(units[0]) not in {"second", "seconds"}:
+        is_named = _normalise(names[0]) in {"x-axis", "source", "time"}
+        if not is_named or _normalise(units[0]) not in {"second", "seconds"}:
             continue
         row = split_line(lines[index + 2][0], ",")
-        if len(units) > len(names) or not all(is_value(field) for field in row if field):
+        if len(units) > len(names) or not all(is_number_or_mark(field) for field in row if field):
             return None
         columns = [Column("t", "s", 0)]
         for position, (name, unit) in enumerate(zip(names[1:], units[1:], strict=False), start=1):
-            match = _CHANNEL.fullmatch(name)
+            match = _CHANNEL_NAME.fullmatch(name)
             text = match[1] if match else f"CH{name}" if name.isdigit() else name
-            columns += [Column(text, unit_text(unit), position)] if name else []
+            columns += [Column(text, normalise_unit(unit), position)] if name else []
         return TextColumns(index + 2, ",", len(row), tuple(columns))
     return None
 
 
-def _rohde_schwarz(path: Path, lines: Lines, first: int) -> TextColumns | None:
+def _recognise_rohde_schwarz(path: Path, lines: Lines, first: int) -> TextColumns | None:
     """Read Rohde & Schwarz: ``in s,C1 in V,C2 in V``."""
     names = split_line(lines[first][0], ",")
     if names[0] != "in s" or first + 1 >= len(lines):
@@ -110,11 +117,11 @@ def _rohde_schwarz(path: Path, lines: Lines, first: int) -> TextColumns | None:
     return TextColumns(first + 1, ",", len(names), tuple(columns))
 
 
-def _lecroy(path: Path, lines: Lines, first: int) -> TextColumns | None:
+def _recognise_lecroy(path: Path, lines: Lines, first: int) -> TextColumns | None:
     """Read LeCroy: its times are in s, and its header does not say so."""
     if not lines[first][0].startswith("LECROY"):
         return None
-    for index in range(first + 1, min(first + _MAX_SETTINGS, len(lines) - 1)):
+    for index in range(first + 1, min(first + _MAX_SETTING_LINES, len(lines) - 1)):
         names = split_line(lines[index][0], ",")
         if names[0] == "Time" and len(names) > 1:
             columns = [Column(name, "" if n else "s", n) for n, name in enumerate(names) if name]
@@ -122,70 +129,70 @@ def _lecroy(path: Path, lines: Lines, first: int) -> TextColumns | None:
     return None
 
 
-_NAMES = {"tracename", "trace name", "channel name", "channel names", "channelname"}
-_UNITS = {"vunit", "vertical units", "unit", "units", "y_unit_label", "yunits"}
-_TIME_UNITS = {"hunit", "horizontal units", "xunits"}
-_STEPS = {"hresolution", "sample interval", "xinc", "xincrement", "delta_x", "delta t"}
-_MAX_SETTINGS = 100
+_NAME_KEYS = {"tracename", "trace name", "channel name", "channel names", "channelname"}
+_UNIT_KEYS = {"vunit", "vertical units", "unit", "units", "y_unit_label", "yunits"}
+_TIME_UNIT_KEYS = {"hunit", "horizontal units", "xunits"}
+_STEP_KEYS = {"hresolution", "sample interval", "xinc", "xincrement", "delta_x", "delta t"}
+_MAX_SETTING_LINES = 100
 """Lines of settings above the data."""
-_STARTS = {"hoffset", "xorg", "xorigin", "x0"}
+_START_KEYS = {"hoffset", "xorg", "xorigin", "x0"}
 
 
-def _settings(rows: Sequence[list[str]], keys: set[str]) -> list[str]:
+def _find_setting(rows: Sequence[list[str]], keys: set[str]) -> list[str]:
     """Return the values of a setting, one a channel; empty if the file has no such setting."""
-    found = next((row[1:] for row in rows if row and _plain(row[0]) in keys), [])
+    found = next((row[1:] for row in rows if row and _normalise(row[0]) in keys), [])
     while found and not found[-1]:
         found = found[:-1]
     return found
 
 
-def _yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | None:
+def _recognise_yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | None:
     """Read Yokogawa: names, units and the step of the time are rows of the settings above."""
-    rows = [split_line(text, ",") for text, _ in lines[first : first + _MAX_SETTINGS]]
-    names, steps = _settings(rows, _NAMES), _settings(rows, _STEPS)
+    rows = [split_line(text, ",") for text, _ in lines[first : first + _MAX_SETTING_LINES]]
+    names, steps = _find_setting(rows, _NAME_KEYS), _find_setting(rows, _STEP_KEYS)
     if not names or not steps or not all(map(is_number, steps)):
         return None
     run = find_run(lines, first, ",", 1)
-    while run and (key := split_line(lines[run.start][0], ",")[0]) and not is_value(key):
+    while run and (key := split_line(lines[run.start][0], ",")[0]) and not is_number_or_mark(key):
         run = find_run(lines, run.start + 1, ",", 1)
     if run is None:
         return None
-    if len({to_number(step) for step in steps}) > 1:
+    if len({parse_number(step) for step in steps}) > 1:
         raise InputError(
             f"{path}: its channels have different steps of time ({', '.join(steps)}); export them "
             "at one rate",
             code="different-steps",
         )
-    positions = sorted(run.numbers)
+    positions = sorted(run.numeric_columns)
     columns = []
-    time_unit = next(iter(_settings(rows, _TIME_UNITS)), "s") or "s"
+    time_unit = next(iter(_find_setting(rows, _TIME_UNIT_KEYS)), "s") or "s"
     if len(positions) == len(names) + 1:
-        columns = [Column("t", unit_text(time_unit), positions.pop(0))]
+        columns = [Column("t", normalise_unit(time_unit), positions.pop(0))]
     elif len(positions) == len(names):
-        columns = [Column("t", unit_text(time_unit), None)]
+        columns = [Column("t", normalise_unit(time_unit), None)]
     else:
         return None
-    units = _settings(rows, _UNITS)
+    units = _find_setting(rows, _UNIT_KEYS)
     units += [""] * (len(names) - len(units))
     columns += [
-        Column(name, unit_text(unit), position)
+        Column(name, normalise_unit(unit), position)
         for name, unit, position in zip(names, units, positions, strict=False)
     ]
-    start = next(iter(_settings(rows, _STARTS)), "0")
-    clock = (to_number(start) if is_number(start) else 0.0, to_number(steps[0]))
+    start = next(iter(_find_setting(rows, _START_KEYS)), "0")
+    clock = (parse_number(start) if is_number(start) else 0.0, parse_number(steps[0]))
     return TextColumns(run.start, ",", run.width, tuple(columns), clock)
 
 
-def _settings_beside_data(path: Path, lines: Lines, first: int) -> TextColumns | None:
+def _recognise_tektronix(path: Path, lines: Lines, first: int) -> TextColumns | None:
     """Read Tektronix TDS and its kin: settings in the first columns, time and values next to them."""
     text = lines[first][0]
-    sign = next((sign for sign in (";", "\t", ",") if sign in text), None)
-    rows = [split_line(text, sign) for text, _ in lines[first:] if text.strip()]
-    if sign is None or len(rows) < 8 or not _SETTINGS.match(rows[0][0]):
+    delimiter = next((sign for sign in (";", "\t", ",") if sign in text), None)
+    rows = [split_line(text, delimiter) for text, _ in lines[first:] if text.strip()]
+    if delimiter is None or len(rows) < 8 or not _TEKTRONIX_SETTINGS.match(rows[0][0]):
         return None
     rows = [row for row in rows if len(row) == len(rows[0])]
     head = rows[:60]
-    numeric = [n for n in range(len(rows[0])) if all(is_value(row[n]) for row in head)]
+    numeric = [n for n in range(len(rows[0])) if all(is_number_or_mark(row[n]) for row in head)]
     if len(head) < 8 or not numeric:
         return None
     # Each oscilloscope channel is a block: settings first, then its time and its values.
@@ -198,13 +205,21 @@ def _settings_beside_data(path: Path, lines: Lines, first: int) -> TextColumns |
     if any(len(block) < 2 for block in blocks):
         return None
     columns: list[Column] = []
-    begin = 0
+    block_start = 0
     clock = [row[blocks[0][0]] for row in rows]
     for number, block in enumerate(blocks, start=1):
-        beside = {_plain(row[begin]): row[begin + 1] for row in head if begin < block[0] - 1}
+        settings = {
+            _normalise(row[block_start]): row[block_start + 1]
+            for row in head
+            if block_start < block[0] - 1
+        }
         if number == 1:
             columns.append(
-                Column("t", unit_text(beside.get("horizontal units", "s").lower()) or "s", block[0])
+                Column(
+                    "t",
+                    normalise_unit(settings.get("horizontal units", "s").lower()) or "s",
+                    block[0],
+                )
             )
         elif [row[block[0]] for row in rows] != clock:
             raise InputError(
@@ -212,23 +227,23 @@ def _settings_beside_data(path: Path, lines: Lines, first: int) -> TextColumns |
                 "different times; export them together, or each as a file",
                 code="different-times",
             )
-        names = [beside.get("source") or f"CH{number}"]
+        names = [settings.get("source") or f"CH{number}"]
         names += [f"{names[0]}_{extra}" for extra in range(2, len(block))]
-        unit = unit_text(beside.get("vertical units", ""))
+        unit = normalise_unit(settings.get("vertical units", ""))
         columns += [
             Column(name, unit, position) for name, position in zip(names, block[1:], strict=True)
         ]
-        begin = block[-1] + 1
-        while begin < len(rows[0]) and not any(row[begin] for row in head):
-            begin += 1
-    return TextColumns(first, sign, len(rows[0]), tuple(columns))
+        block_start = block[-1] + 1
+        while block_start < len(rows[0]) and not any(row[block_start] for row in head):
+            block_start += 1
+    return TextColumns(first, delimiter, len(rows[0]), tuple(columns))
 
 
 _RECOGNISERS: tuple[Callable[[Path, Lines, int], TextColumns | None], ...] = (
-    _rigol,
-    _named_by_source,
-    _rohde_schwarz,
-    _lecroy,
-    _settings_beside_data,
-    _yokogawa,
+    _recognise_rigol,
+    _recognise_keysight,
+    _recognise_rohde_schwarz,
+    _recognise_lecroy,
+    _recognise_tektronix,
+    _recognise_yokogawa,
 )

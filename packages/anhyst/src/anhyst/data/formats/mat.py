@@ -16,12 +16,12 @@ import numpy as np
 
 from anhyst.data.formats.channel_table import opener
 from anhyst.data.formats.channels import (
-    MOST_BYTES,
+    MAX_BYTES,
     ChannelFile,
     ChannelGroup,
     Series,
-    clocks_by_name,
-    need_package,
+    assign_clocks_by_name,
+    require_package,
 )
 from anhyst.data.formats.mat_layouts import (
     ArrayInMemory,
@@ -33,12 +33,12 @@ from anhyst.data.formats.mat_layouts import (
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
-_HEADER = 128
-_MATRIX, _COMPRESSED = 14, 15
-_CELL, _STRUCT, _OBJECT, _CHAR, _OPAQUE = 1, 2, 3, 4, 17
-_NUMBERS = range(5, 16)
-_DEEPEST = 40
-_MOST_PARTS = 500_000
+_HEADER_BYTES = 128
+_TYPE_MATRIX, _TYPE_COMPRESSED = 14, 15
+_CLASS_CELL, _CLASS_STRUCT, _CLASS_OBJECT, _CLASS_CHAR, _CLASS_OPAQUE = 1, 2, 3, 4, 17
+_NUMERIC_CLASSES = range(5, 16)
+_MAX_DEPTH = 40
+_MAX_PARTS = 500_000
 """Each part becomes an object of Python."""
 
 
@@ -52,74 +52,74 @@ class MatGuard:
     path: Path
     objects: list[tuple[str, str]] = field(default_factory=list)
     _parts: int = 0
-    _order: str = "<"
+    _byte_order: str = "<"
 
     def check(self, content: bytes) -> None:
         """Check a whole file."""
-        self._order = "<" if content[126:128] == b"IM" else ">"
+        self._byte_order = "<" if content[126:128] == b"IM" else ">"
         expanded = 0
-        rest = memoryview(content)[_HEADER:]
+        rest = memoryview(content)[_HEADER_BYTES:]
         while len(rest) >= 8:
-            kind, size = struct.unpack_from(f"{self._order}2I", rest)
+            kind, size = struct.unpack_from(f"{self._byte_order}2I", rest)
             if size > len(rest) - 8:
-                raise self._fault(f"is cut off after {len(content)} bytes")
+                raise self._damage_error(f"is cut off after {len(content)} bytes")
             body, rest = rest[8 : 8 + size], rest[8 + size :]
-            if kind == _COMPRESSED:
-                part = memoryview(self._expand(body, MOST_BYTES - expanded))
+            if kind == _TYPE_COMPRESSED:
+                part = memoryview(self._expand(body, MAX_BYTES - expanded))
                 expanded += len(part)
                 if len(part) < 8:
-                    raise self._fault("ends within a variable")
-                kind, size = struct.unpack_from(f"{self._order}2I", part)
+                    raise self._damage_error("ends within a variable")
+                kind, size = struct.unpack_from(f"{self._byte_order}2I", part)
                 if size > len(part) - 8:
-                    raise self._fault("has a variable that is larger than what holds it")
+                    raise self._damage_error("has a variable that is larger than what holds it")
                 body = part[8 : 8 + size]
-            if kind == _MATRIX:
-                self._matrix(body, 0, is_variable=True)
+            if kind == _TYPE_MATRIX:
+                self._check_matrix(body, 0, is_variable=True)
 
-    def _expand(self, body: memoryview, most: int) -> bytes:
+    def _expand(self, body: memoryview, max_bytes: int) -> bytes:
         engine = zlib.decompressobj()
         try:
-            content = engine.decompress(body, most + 1)
+            content = engine.decompress(body, max_bytes + 1)
         except zlib.error as error:
-            raise self._fault(f"has a damaged compressed variable ({error})") from None
-        if len(content) > most:
+            raise self._damage_error(f"has a damaged compressed variable ({error})") from None
+        if len(content) > max_bytes:
             raise InputError(
-                f"{self.path}: expands to more than {MOST_BYTES >> 30} GiB; cut the recording into "
+                f"{self.path}: expands to more than {MAX_BYTES >> 30} GiB; cut the recording into "
                 "parts",
                 code="too-large",
             )
         return content
 
-    def _elements(self, body: memoryview) -> Iterator[tuple[int, memoryview]]:
+    def _split_elements(self, body: memoryview) -> Iterator[tuple[int, memoryview]]:
         """Yield the parts of a variable, one after the other: type and content."""
         offset = 0
         while offset < len(body):
             if len(body) - offset < 8:
-                raise self._fault("ends within a variable")
-            kind, size = struct.unpack_from(f"{self._order}2I", body, offset)
+                raise self._damage_error("ends within a variable")
+            kind, size = struct.unpack_from(f"{self._byte_order}2I", body, offset)
             if kind >> 16:  # a small one, all in 8 bytes
                 kind, size, begin, step = kind & 0xFFFF, kind >> 16, offset + 4, 8
                 if size > 4:
-                    raise self._fault("has a small part of more than 4 bytes")
+                    raise self._damage_error("has a small part of more than 4 bytes")
             else:
                 begin, step = offset + 8, 8 + size + (-size % 8)
             if begin + size > len(body):
-                raise self._fault("has a part that is larger than what holds it")
+                raise self._damage_error("has a part that is larger than what holds it")
             self._parts += 1
-            if self._parts > _MOST_PARTS:
-                raise self._fault(f"holds more than {_MOST_PARTS} parts")
+            if self._parts > _MAX_PARTS:
+                raise self._damage_error(f"holds more than {_MAX_PARTS} parts")
             yield kind, body[begin : begin + size]
             offset += step
 
-    def _matrix(self, body: memoryview, depth: int, *, is_variable: bool = False) -> None:
+    def _check_matrix(self, body: memoryview, depth: int, *, is_variable: bool = False) -> None:
         if not len(body):
             return
-        if depth > _DEEPEST:
-            raise self._fault(f"is nested more than {_DEEPEST} deep")
-        parts = self._elements(body)
-        flags = self._numbers(parts, "I")
+        if depth > _MAX_DEPTH:
+            raise self._damage_error(f"is nested more than {_MAX_DEPTH} deep")
+        parts = self._split_elements(body)
+        flags = self._read_integers(parts, "I")
         kind = flags[0] & 0xFF if flags else 0
-        if kind == _OPAQUE:
+        if kind == _CLASS_OPAQUE:
             if is_variable:
                 texts = [
                     bytes(content).decode("latin-1")
@@ -127,54 +127,54 @@ class MatGuard:
                 ]
                 self.objects.append((texts[0], texts[-1]) if len(texts) == 3 else ("", "?"))
             return
-        shape = self._numbers(parts, "i")
+        shape = self._read_integers(parts, "i")
         if any(side < 0 for side in shape):
-            raise self._fault("has a variable of negative size")
+            raise self._damage_error("has a variable of negative size")
         count = math.prod(shape)
-        self._next(parts)  # the name
-        if kind in {_CELL, _STRUCT, _OBJECT}:
-            self._members(parts, kind, count, depth)
-        elif kind == _CHAR:
+        self._next_part(parts)  # the name
+        if kind in {_CLASS_CELL, _CLASS_STRUCT, _CLASS_OBJECT}:
+            self._check_members(parts, kind, count, depth)
+        elif kind == _CLASS_CHAR:
             if count > len(body):
-                raise self._fault("has a text that is longer than what is there")
-        elif kind in _NUMBERS and kind != 5 and count > len(body):
-            raise self._fault("has an array that is larger than what is there")
+                raise self._damage_error("has a text that is longer than what is there")
+        elif kind in _NUMERIC_CLASSES and kind != 5 and count > len(body):
+            raise self._damage_error("has an array that is larger than what is there")
 
-    def _members(
+    def _check_members(
         self, parts: Iterator[tuple[int, memoryview]], kind: int, count: int, depth: int
     ) -> None:
-        if kind == _OBJECT:
-            self._next(parts)  # the name of the class
+        if kind == _CLASS_OBJECT:
+            self._next_part(parts)  # the name of the class
         fields = 1
-        if kind != _CELL:
-            (width,) = self._numbers(parts, "i") or (0,)
-            names = self._next(parts)
+        if kind != _CLASS_CELL:
+            (width,) = self._read_integers(parts, "i") or (0,)
+            names = self._next_part(parts)
             if width < 1 and len(names):
-                raise self._fault("has a structure without names of fields")
+                raise self._damage_error("has a structure without names of fields")
             fields = len(names) // width if width > 0 else 0
-            if count > _MOST_PARTS:
-                raise self._fault(f"holds more than {_MOST_PARTS} parts")
+            if count > _MAX_PARTS:
+                raise self._damage_error(f"holds more than {_MAX_PARTS} parts")
         present = 0
         for number, content in parts:
             present += 1
-            if number == _MATRIX:
-                self._matrix(content, depth + 1)
+            if number == _TYPE_MATRIX:
+                self._check_matrix(content, depth + 1)
         if present < count * fields:
-            raise self._fault("has a structure with fewer parts than it says")
+            raise self._damage_error("has a structure with fewer parts than it says")
 
-    def _numbers(self, parts: Iterator[tuple[int, memoryview]], code: str) -> tuple[int, ...]:
-        content = self._next(parts)
-        return struct.unpack_from(f"{self._order}{len(content) // 4}{code}", content)
+    def _read_integers(self, parts: Iterator[tuple[int, memoryview]], code: str) -> tuple[int, ...]:
+        content = self._next_part(parts)
+        return struct.unpack_from(f"{self._byte_order}{len(content) // 4}{code}", content)
 
-    def _next(self, parts: Iterator[tuple[int, memoryview]]) -> memoryview:
+    def _next_part(self, parts: Iterator[tuple[int, memoryview]]) -> memoryview:
         part = next(parts, None)
         if part is None:
-            raise self._fault("ends within a variable")
+            raise self._damage_error("ends within a variable")
         return part[1]
 
-    def _fault(self, what: str) -> InputError:
+    def _damage_error(self, fault: str) -> InputError:
         return InputError(
-            f"{self.path}: {what}: the MAT file is damaged; export it again", code="damaged-file"
+            f"{self.path}: {fault}: the MAT file is damaged; export it again", code="damaged-file"
         )
 
 
@@ -184,7 +184,7 @@ def open_mat(path: Path) -> ChannelFile:
     with path.open("rb") as stream:
         head = stream.read(520)
     if head[512:520] == b"\x89HDF\r\n\x1a\n" or head.startswith(b"\x89HDF"):
-        need_package(path, "h5py")
+        require_package(path, "h5py")
         tree, objects = read_tree(path)
     elif head[126:128] in {b"IM", b"MI"} and 1 in head[124:126]:
         tree, objects = _read_v5(path)
@@ -193,7 +193,7 @@ def open_mat(path: Path) -> ChannelFile:
             f"{path}: is no MAT file of version 5 or 7.3; save it in MATLAB with -v7 or -v7.3",
             code="not-a-mat-file",
         )
-    channels = clocks_by_name(find_channels(tree))
+    channels = assign_clocks_by_name(find_channels(tree))
     unread = [f"'{name}' is a {kind} object" for name, kind in objects]
     if unread and not channels:
         raise InputError(
@@ -214,18 +214,18 @@ def _read_v5(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:
     variables = loadmat(io.BytesIO(content), simplify_cells=True, mat_dtype=True)
     hidden = {"None", "__function_workspace__", "__header__", "__version__", "__globals__"}
     return {
-        name: _node(value) for name, value in variables.items() if name not in hidden
+        name: _to_tree(value) for name, value in variables.items() if name not in hidden
     }, guard.objects
 
 
-def _node(value: Any) -> Any:
+def _to_tree(value: Any) -> Any:
     """Turn what SciPy made of a variable into trees, texts and arrays."""
     if isinstance(value, Mapping):
-        return {str(name): _node(node) for name, node in value.items()}
+        return {str(name): _to_tree(node) for name, node in value.items()}
     if isinstance(value, str):
         return value
     if isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
-        members = [_node(item) for item in (value if isinstance(value, list) else value.ravel())]
+        members = [_to_tree(item) for item in (value if isinstance(value, list) else value.ravel())]
         if any(isinstance(member, str) for member in members):  # an empty one is an empty array
             members = [
                 "" if isinstance(member, ArrayInMemory) and member.values.size == 0 else member
@@ -248,15 +248,17 @@ def write_mat(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
         if section.clock is not None:
             clocks.append(section.clock)
         index = float(len(clocks)) if section.clock is not None else 0.0
-        about = {"Path": section.group, "XIndex": index}
+        reference = {"Path": section.group, "XIndex": index}
         channels += [
-            {"Name": signal.name, "Unit": signal.unit, "Data": _row(signal.values)} | about
+            {"Name": signal.name, "Unit": signal.unit, "Data": _as_row(signal.values)} | reference
             for signal in section.series
         ]
-    times = [{"Name": time.name, "Unit": time.unit, "Data": _row(time.values)} for time in clocks]
+    times = [
+        {"Name": time.name, "Unit": time.unit, "Data": _as_row(time.values)} for time in clocks
+    ]
     recording = {
-        "X": _structs(times, ("Name", "Unit", "Data")),
-        "Y": _structs(channels, ("Name", "Path", "Unit", "Data", "XIndex")),
+        "X": _as_struct_array(times, ("Name", "Unit", "Data")),
+        "Y": _as_struct_array(channels, ("Name", "Path", "Unit", "Data", "XIndex")),
     }
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)[:60]
     name = name if re.match(r"[A-Za-z]", name) else f"r_{name}"
@@ -265,7 +267,7 @@ def write_mat(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     return ()
 
 
-def _row(values: Any) -> Any:
+def _as_row(values: Any) -> Any:
     if values.dtype.kind == "U":
         cells = np.empty((1, values.size), object)
         cells[0] = values.tolist()
@@ -275,7 +277,7 @@ def _row(values: Any) -> Any:
     return values[None, :]
 
 
-def _structs(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Any:
+def _as_struct_array(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Any:
     table = np.empty((1, len(rows)), dtype=[(name, object) for name in names])
     for index, row in enumerate(rows):
         for name in names:

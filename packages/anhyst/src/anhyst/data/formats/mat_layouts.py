@@ -9,8 +9,8 @@ from typing import Any, ClassVar, TypeGuard
 
 import numpy as np
 
-from anhyst.data.formats.channels import MOST_CHANNELS, Channel, Values
-from anhyst.data.formats.hdf5 import DEEPEST, check_dataset, is_link
+from anhyst.data.formats.channels import MAX_CHANNELS, Channel, Values
+from anhyst.data.formats.hdf5 import MAX_GROUP_DEPTH, check_dataset, is_link
 from anhyst.support.errors import InputError
 
 MatTree = Mapping[str, Any]
@@ -67,7 +67,7 @@ class _Column:
 
     array: MatArray
     axis: int
-    place: int
+    index: int
 
 
 def read_arrays(_path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
@@ -80,7 +80,7 @@ def read_arrays(_path: Path, channels: Sequence[Channel], count: int | None) -> 
         if whole is None:
             whole = read[id(column.array)] = np.squeeze(column.array.read())
         if whole.ndim > 1:
-            whole = np.moveaxis(whole, column.axis, 0).reshape(channel.length, -1)[:, column.place]
+            whole = np.moveaxis(whole, column.axis, 0).reshape(channel.length, -1)[:, column.index]
         arrays.append(np.ascontiguousarray(whole.reshape(channel.length)[:count]))
     return arrays
 
@@ -91,75 +91,85 @@ def find_channels(tree: MatTree, group: str = "") -> list[Channel]:
     for name, node in tree.items():
         path = f"{group}/{name}" if group else name
         if _is_array(node):
-            channels += _columns(name, node, group)
+            channels += _array_channels(name, node, group)
         elif isinstance(node, Mapping):
-            channels += _structure(name, node, group, path)
+            channels += _structure_channels(name, node, group, path)
         elif isinstance(node, list):
             for number, member in enumerate(node, start=1):
                 if isinstance(member, Mapping):
-                    channels += _structure(f"{name}_{number}", member, group, f"{path}_{number}")
+                    channels += _structure_channels(
+                        f"{name}_{number}", member, group, f"{path}_{number}"
+                    )
                 elif _is_array(member):
-                    channels += _columns(f"{name}_{number}", member, group)
+                    channels += _array_channels(f"{name}_{number}", member, group)
     return channels
 
 
-def _structure(name: str, node: MatTree, group: str, path: str) -> list[Channel]:
-    if "Y" in node and "X" in node and (channels := _control_desk(node)):
+def _structure_channels(name: str, node: MatTree, group: str, path: str) -> list[Channel]:
+    if "Y" in node and "X" in node and (channels := _control_desk_channels(node)):
         return channels
     if "signals" in node:
-        return _with_time(name, node, path)
+        return _simulink_channels(name, node, path)
     by_case = {key.lower(): key for key in node}
     if "time" in by_case and "data" in by_case and _is_array(node[by_case["data"]]):
-        return _time_series(name, node, by_case, group)
+        return _time_series_channels(name, node, by_case, group)
     return find_channels(node, path)
 
 
-def _control_desk(node: MatTree) -> list[Channel]:
+def _control_desk_channels(node: MatTree) -> list[Channel]:
     """X holds times, Y channels; which belongs to which by index or name of the raster."""
     clocks, rasters = [], {}
-    for axis in _several(node["X"]):
+    for axis in _as_structures(node["X"]):
         times: Any = axis.get("Data")
-        name, unit, clock = _text(axis.get("Name")) or "t", _text(axis.get("Unit")) or "s", None
+        name, unit, clock = (
+            _as_text(axis.get("Name")) or "t",
+            _as_text(axis.get("Unit")) or "s",
+            None,
+        )
         if _is_array(times):
-            (clock,) = _columns(name, times, unit=unit)
-            rasters[_text(axis.get("Raster"))] = clock
+            (clock,) = _array_channels(name, times, unit=unit)
+            rasters[_as_text(axis.get("Raster"))] = clock
         clocks.append(clock)
     channels: list[Channel] = []
-    for axis in _several(node["Y"]):
+    for axis in _as_structures(node["Y"]):
         data: Any = axis.get("Data")
-        name = _text(axis.get("Name"))
+        name = _as_text(axis.get("Name"))
         if isinstance(data, str):
             data = ArrayInMemory(np.array([data]))
         if not _is_array(data) or not name:
             continue
-        index = _number(axis.get("XIndex"))
+        index = _as_integer(axis.get("XIndex"))
         clock = None
         if index is not None:
             clock = clocks[index - 1] if 1 <= index <= len(clocks) else None
         elif "Raster" in axis:
-            clock = rasters.get(_text(axis["Raster"]))
+            clock = rasters.get(_as_text(axis["Raster"]))
         elif len(clocks) == 1:
             clock = clocks[0]
-        channels += _columns(name, data, _text(axis.get("Path")), _text(axis.get("Unit")), clock)
+        channels += _array_channels(
+            name, data, _as_text(axis.get("Path")), _as_text(axis.get("Unit")), clock
+        )
     return channels
 
 
-def _with_time(name: str, node: MatTree, path: str) -> list[Channel]:
+def _simulink_channels(name: str, node: MatTree, path: str) -> list[Channel]:
     """Structure with time: a field time (s; empty without), an array of signals."""
     times: Any = node.get("time")
     clock = None
     if _is_array(times) and np.prod(times.shape) > 0:
-        (clock,) = _columns("time", times, path, "s")
-    signals = _several(node["signals"])
+        (clock,) = _array_channels("time", times, path, "s")
+    signals = _as_structures(node["signals"])
     channels: list[Channel] = []
     for number, signal in enumerate(signals, start=1):
         values: Any = signal.get("values")
         if not _is_array(values):
             continue
-        own = f"{name}_{number}" if len(signals) > 1 else name
+        default_name = f"{name}_{number}" if len(signals) > 1 else name
         labels: Any = signal.get("label")
-        block = _text(signal.get("blockName")).replace("\n", " ").rsplit("/", 1)[-1]
-        columns = _columns(_text(labels) or block or own, values, path, "", clock)
+        block = _as_text(signal.get("blockName")).replace("\n", " ").rsplit("/", 1)[-1]
+        columns = _array_channels(
+            _as_text(labels) or block or default_name, values, path, "", clock
+        )
         if _is_array(labels) and labels.is_text and len(columns) == np.prod(labels.shape):
             texts = [str(text).strip() for text in labels.read().ravel()]
             columns = [
@@ -170,26 +180,28 @@ def _with_time(name: str, node: MatTree, path: str) -> list[Channel]:
     return channels
 
 
-def _time_series(name: str, node: MatTree, by_case: Mapping[str, str], group: str) -> list[Channel]:
+def _time_series_channels(
+    name: str, node: MatTree, by_case: Mapping[str, str], group: str
+) -> list[Channel]:
     """Time and Data, as a timeseries has them; units in DataInfo and TimeInfo, or in Units."""
 
     def unit(key: str) -> str:
         info = node.get(by_case.get(key, ""))
         text = info.get("Units", info.get("units")) if isinstance(info, Mapping) else info
-        return _text(text)
+        return _as_text(text)
 
     times = node[by_case["time"]]
     clock = None
     if _is_array(times) and np.prod(times.shape) > 0:
         seconds = {"": "s", "seconds": "s", "milliseconds": "ms", "microseconds": "us"}
         stated = unit("timeinfo")
-        (clock,) = _columns("time", times, group, seconds.get(stated, stated))
-    title = _text(node.get(by_case.get("name", ""))) or name
+        (clock,) = _array_channels("time", times, group, seconds.get(stated, stated))
+    title = _as_text(node.get(by_case.get("name", ""))) or name
     units = unit("datainfo") or unit("units") or unit("unit")
-    return _columns(title, node[by_case["data"]], group, units, clock)
+    return _array_channels(title, node[by_case["data"]], group, units, clock)
 
 
-def _columns(
+def _array_channels(
     name: str, array: MatArray, group: str = "", unit: str = "", clock: Channel | None = None
 ) -> list[Channel]:
     """Channels of an array: one, or one a column; samples run along the clock or the longest axis."""
@@ -216,7 +228,7 @@ def _columns(
     ]  # fmt: skip
 
 
-def _several(node: Any) -> list[MatTree]:
+def _as_structures(node: Any) -> list[MatTree]:
     nodes = node if isinstance(node, list) else [node]
     return [member for member in nodes if isinstance(member, Mapping)]
 
@@ -225,24 +237,24 @@ def _is_array(node: Any) -> TypeGuard[MatArray]:
     return isinstance(node, MatArray)
 
 
-def _text(node: Any) -> str:
+def _as_text(node: Any) -> str:
     return node.strip() if isinstance(node, str) else ""
 
 
-def _number(node: Any) -> int | None:
+def _as_integer(node: Any) -> int | None:
     if not _is_array(node) or node.is_text or int(np.prod(node.shape)) != 1:
         return None
     value = float(np.ravel(node.read())[0].real)
     return int(value) if np.isfinite(value) else None
 
 
-_NUMBERS = {
+_NUMERIC_CLASSES = {
     *("double", "single", "logical"),
     *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
 }
 
 
-class _Tree:
+class _TreeBuilder:
     """Builds the tree of a file, within bounds."""
 
     def __init__(self, path: Path, file: Any) -> None:
@@ -265,19 +277,23 @@ class _Tree:
         import h5py
 
         self._count += 1
-        if depth > DEEPEST or self._count > 10 * MOST_CHANNELS:
+        if depth > MAX_GROUP_DEPTH or self._count > 10 * MAX_CHANNELS:
             raise InputError(
                 f"{self.path}: is nested without end; export the channels you need",
                 code="nested-too-deep",
             )
         if isinstance(item, h5py.Group):
             fields = self.group(item, depth)
-            return _rows(fields) if fields and all(map(_is_member, item.values())) else fields
+            return (
+                _as_structure_list(fields)
+                if fields and all(map(_is_structure_array_field, item.values()))
+                else fields
+            )
         if not isinstance(item, h5py.Dataset):
             return None
         kind = item.attrs.get("MATLAB_class", b"")
         kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
-        if "MATLAB_object_decode" in item.attrs and kind not in {*_NUMBERS, "char", "cell"}:
+        if "MATLAB_object_decode" in item.attrs and kind not in {*_NUMERIC_CLASSES, "char", "cell"}:
             self.objects.append((name, kind or "MATLAB"))
             return None
         check_dataset(self.path, item)
@@ -291,15 +307,15 @@ class _Tree:
         if h5py.check_ref_dtype(item.dtype) is not None:
             return self._references(name, item, depth)
         if kind == "char":
-            return _utf16_text(item)
+            return _decode_utf16(item)
         if item.dtype.kind in "biuf" or item.dtype.names == ("real", "imag"):
             return ArrayInFile(self.path, item.name, tuple(item.shape[::-1]))
         return None
 
     def _references(self, name: str, item: Any, depth: int) -> Any:
-        if item.size > MOST_CHANNELS:
+        if item.size > MAX_CHANNELS:
             raise InputError(
-                f"{self.path}: '{name}' has more than {MOST_CHANNELS} members",
+                f"{self.path}: '{name}' has more than {MAX_CHANNELS} members",
                 code="too-many-members",
                 key=name,
             )
@@ -312,7 +328,7 @@ class _Tree:
         return members
 
 
-def _is_member(item: Any) -> bool:
+def _is_structure_array_field(item: Any) -> bool:
     """Whether a field is that of an array of structures; one that is a cell says so."""
     import h5py
 
@@ -320,7 +336,7 @@ def _is_member(item: Any) -> bool:
     return is_reference and "MATLAB_class" not in item.attrs
 
 
-def _rows(fields: dict[str, Any]) -> list[dict[str, Any]]:
+def _as_structure_list(fields: dict[str, Any]) -> list[dict[str, Any]]:
     """Turn fields, each a list of members, into a list of structures."""
     lists = [
         field if isinstance(field, list) else [str(x) for x in field.values]
@@ -329,7 +345,7 @@ def _rows(fields: dict[str, Any]) -> list[dict[str, Any]]:
     return [dict(zip(fields, row, strict=True)) for row in zip(*lists, strict=False)]
 
 
-def _utf16_text(item: Any) -> Any:
+def _decode_utf16(item: Any) -> Any:
     """Texts are codes of UTF-16: one text a row of MATLAB's, which is a column here."""
     codes = np.atleast_2d(np.asarray(item[()], dtype=np.uint16))
     rows = [row.tobytes().decode("utf-16-le", "replace") for row in np.ascontiguousarray(codes.T)]
@@ -341,5 +357,5 @@ def read_tree(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:
     import h5py
 
     with h5py.File(path, "r") as file:
-        tree = _Tree(path, file)
+        tree = _TreeBuilder(path, file)
         return tree.group(file), tree.objects

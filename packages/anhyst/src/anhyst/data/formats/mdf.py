@@ -17,16 +17,16 @@ from anhyst.data.formats.channels import (
     ChannelGroup,
     Values,
     check_size,
-    decoded,
+    decode_texts,
 )
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
-_MASTERS = (2, 3)
+_MASTER_TYPES = (2, 3)
 """Types of a channel that is the clock of its group: stored, and computed."""
-_OF_TIME = 1
-_TEXTS = (6, 7, 8, 9)
-_TO_TEXT = (7, 8, 9, 10)
+_SYNC_TIME = 1
+_TEXT_TYPES = (6, 7, 8, 9)
+_TEXT_CONVERSIONS = (7, 8, 9, 10)
 """Types of a conversion that turns raw numbers into texts."""
 
 
@@ -38,7 +38,7 @@ def open_mdf(path: Path) -> ChannelFile:
     if not head.startswith((b"MDF     ", b"UnFinMF ")):
         raise InputError(f"{path}: is not an MDF file; export it again", code="not-an-mdf-file")
     with _open(path) as file:
-        return ChannelFile(path, tuple(_channels(path, file)), _read)
+        return ChannelFile(path, tuple(_find_channels(path, file)), _read)
 
 
 @contextmanager
@@ -54,7 +54,7 @@ def _open(path: Path) -> Iterator[Any]:
             yield converted
 
 
-def _channels(path: Path, file: Any) -> list[Channel]:
+def _find_channels(path: Path, file: Any) -> list[Channel]:
     channels: list[Channel] = []
     size = path.stat().st_size
     for group_index, group in enumerate(file.groups):
@@ -62,29 +62,29 @@ def _channels(path: Path, file: Any) -> list[Channel]:
         if count == 0:
             continue
         name = str(group.channel_group.acq_name or "")
-        row = int(group.channel_group.samples_byte_nr)
-        check_size(path, name or f"group {group_index + 1}", count, row)
-        stored = sum(int(block.original_size or 0) for block in group.get_data_blocks())
-        if row and count * row > max(stored, size):
+        bytes_per_sample = int(group.channel_group.samples_byte_nr)
+        check_size(path, name or f"group {group_index + 1}", count, bytes_per_sample)
+        stored_bytes = sum(int(block.original_size or 0) for block in group.get_data_blocks())
+        if bytes_per_sample and count * bytes_per_sample > max(stored_bytes, size):
             raise InputError(
                 f"{path}: group '{name or group_index + 1}' says that it holds {count} samples, more "
                 "than are there; the file is damaged, record or export it again",
                 code="damaged-file",
             )
-        own, clock = [], None
+        group_channels, clock = [], None
         for index, raw in enumerate(group.channels):
             conversion = raw.conversion
             unit = raw.unit or (conversion.unit if conversion else "") or ""
-            is_worded = conversion is not None and conversion.conversion_type in _TO_TEXT
-            is_text = raw.data_type in _TEXTS or is_worded
+            is_worded = conversion is not None and conversion.conversion_type in _TEXT_CONVERSIONS
+            is_text = raw.data_type in _TEXT_TYPES or is_worded
             if not is_text and raw.data_type > 5:
                 continue  # bytes, pictures, structures
             channel = Channel(raw.name, count, (group_index, index), str(unit), name, None, is_text)
-            if raw.channel_type in _MASTERS and raw.sync_type == _OF_TIME:
+            if raw.channel_type in _MASTER_TYPES and raw.sync_type == _SYNC_TIME:
                 clock = replace(channel, unit=channel.unit or "s", is_text=False)
             else:
-                own.append(channel)
-        channels += [replace(channel, clock=clock) for channel in own]
+                group_channels.append(channel)
+        channels += [replace(channel, clock=clock) for channel in group_channels]
     return channels
 
 
@@ -100,14 +100,14 @@ def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Va
                 record_count=count,
                 ignore_invalidation_bits=True,
             )
-            values.append(_values(signal, channel))
+            values.append(_signal_values(signal, channel))
     return values
 
 
-def _values(signal: Any, channel: Channel) -> Values:
+def _signal_values(signal: Any, channel: Channel) -> Values:
     values = np.asarray(signal.samples)
     if channel.is_text:
-        return decoded(values.tolist(), signal.encoding or "utf-8")
+        return decode_texts(values.tolist(), signal.encoding or "utf-8")
     invalid = signal.invalidation_bits
     if invalid is not None and np.any(invalid):
         values = np.where(invalid, np.nan, values)

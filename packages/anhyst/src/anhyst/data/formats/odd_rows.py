@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.data.formats.channels import is_mark, is_number
+from anhyst.data.formats.channels import is_invalid_mark, is_number
 from anhyst.data.formats.layout import Layout
 from anhyst.data.formats.preamble import (
-    FACTOR,
-    delimiter_of,
-    header_fields,
+    FACTOR_FIELD,
+    detect_delimiter,
     is_comment,
-    unit_text,
+    normalise_unit,
+    split_header_line,
 )
 from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, parse_header
 
-_DIGITS = b'0123456789+-.,;eE \t\r\n"'
+_NUMBER_BYTES = b'0123456789+-.,;eE \t\r\n"'
 _STATISTIC_WORDS = (
     r"mean|average|avg|aver|mittel(wert)?|moyenne|media|min|minimum|max|maximum|std\.?|st\.?[ -]?dev"
     r"|std[ ._-]?dev(iation)?|stddev|standard[ -]?deviation|standard[ -]?abweichung|stabw|sum|summe"
@@ -32,12 +32,12 @@ _FACTOR_WORDS = (
 )
 _STATISTICS = re.compile(rf"({_STATISTIC_WORDS})[.:]?", re.IGNORECASE)
 _FACTORS = re.compile(rf"({_FACTOR_WORDS})[.:]?", re.IGNORECASE)
-_MAX_WORD = 30
+_MAX_WORD_LENGTH = 30
 _ODD_LINE = re.compile(
     rf"^[ \t\";,]*({_STATISTICS.pattern}|{_FACTORS.pattern})[\s\";,]",
     re.IGNORECASE | re.MULTILINE,
 )
-_STARTS = {
+_WORD_STARTS = {
     word[:2].encode()
     for word in f"{_STATISTIC_WORDS}|{_FACTOR_WORDS}".split("|")
     if word[:2].isascii()
@@ -45,23 +45,25 @@ _STARTS = {
 """First two letters of the words, which are quick to look for."""
 _MAX_ASCII = 127
 _MIN_ASCII_SHARE = 0.8
-_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?P<sign>[.,])\d{3}")
-_DECIMAL = re.compile(r"[+-]?\d*(?P<sign>[.,])\d+([eE][+-]?\d+)?")
-_WHOLE = re.compile(r"[+-]?[1-9]\d\d")
-_QUOTED = re.compile(rb'"[+-]?\d{1,3},\d{3}"')
+_GROUPED_NUMBER = re.compile(r"[+-]?[1-9]\d{0,2}(?P<sign>[.,])\d{3}")
+_DECIMAL_NUMBER = re.compile(r"[+-]?\d*(?P<sign>[.,])\d+([eE][+-]?\d+)?")
+_THREE_DIGITS = re.compile(r"[+-]?[1-9]\d\d")
+_QUOTED_GROUPED = re.compile(rb'"[+-]?\d{1,3},\d{3}"')
 _NOT_GROUPED = re.compile(rb"(?<!\d)0[.,]|[.,]\d{0,2}(?!\d)|[.,]\d{4}")
 
 
 def has_odd_rows(chunk: bytes, layout: Layout) -> bool:
     """Whether a piece of a file has lines that begin with a word for statistics or factors."""
-    if not chunk.translate(None, _DIGITS):
+    if not chunk.translate(None, _NUMBER_BYTES):
         return False
     # Few lines begin with the letters of such a word; the pattern is slow on many lines.
     data = np.frombuffer(b"\n" + chunk.replace(b'"', b"").lower() + b"\n\n", np.uint8)
     ends = np.flatnonzero(data[:-2] == ord("\n"))
     pairs = np.unique(data[ends + 1].astype(np.int64) * 256 + data[ends + 2]).tolist()
-    starts = [bytes(divmod(pair, 256)) for pair in pairs]
-    if not any(two in _STARTS or two[0] in b" ;,\t" or max(two) > _MAX_ASCII for two in starts):
+    line_starts = [bytes(divmod(pair, 256)) for pair in pairs]
+    if not any(
+        two in _WORD_STARTS or two[0] in b" ;,\t" or max(two) > _MAX_ASCII for two in line_starts
+    ):
         return False
     return _ODD_LINE.search(chunk.decode(layout.encoding, "replace")) is not None
 
@@ -77,74 +79,78 @@ class TextRow:
     word: str = ""  # for statistics or a label, with which the line begins
 
 
-def sort_rows(texts: Iterable[str], layout: Layout, line: int = 0) -> Iterator[TextRow]:
+def classify_rows(texts: Iterable[str], layout: Layout, first_line: int = 0) -> Iterator[TextRow]:
     """Separate the samples from headers, statistics and remarks between them.
 
     A word for statistics in consecutive rows is the label of these samples.
     """
     waiting: list[TextRow] = []  # from a row of statistics to the next row
-    before = ""
-    for number, text in enumerate(texts, start=line or layout.line):
-        row = _sort(text, layout, number)
+    previous_word = ""
+    for number, text in enumerate(texts, start=first_line or layout.first_line_number):
+        row = _classify_row(text, layout, number)
         if waiting and not row.is_sample:
             waiting.append(row)
             continue
         if waiting:
             first, *others = waiting
-            yield first if row.word == first.word else _as_statistics(first)
+            yield first if row.word == first.word else _mark_as_statistics(first)
             yield from others
             waiting = []
-        if row.word and row.word != before:
-            waiting, before = [row], row.word
+        if row.word and row.word != previous_word:
+            waiting, previous_word = [row], row.word
             continue
-        before = row.word if row.is_sample else before
+        previous_word = row.word if row.is_sample else previous_word
         yield row
     if waiting:
-        yield _as_statistics(waiting[0])
+        yield _mark_as_statistics(waiting[0])
         yield from waiting[1:]
 
 
-def _as_statistics(row: TextRow) -> TextRow:
+def _mark_as_statistics(row: TextRow) -> TextRow:
     remark = f"line {row.line} is left out, because it holds statistics: '{' '.join(row.fields)}'"
     return replace(row, is_sample=False, remark=remark)
 
 
-def _sort(text: str, layout: Layout, line: int) -> TextRow:
+def _classify_row(text: str, layout: Layout, line: int) -> TextRow:
     text = text.strip("\r\n \ufeff")
     if is_comment(text):
         remark = text.lstrip("#%;/ ")
-        _refuse_other_header(header_fields(remark, delimiter_of(remark)), layout, line)
+        _refuse_other_header(split_header_line(remark, detect_delimiter(remark)), layout, line)
         return TextRow(line, [], is_sample=False, remark=remark)
     fields = layout.split(text)
-    held = [field for field in fields if field]
-    if not held:
+    filled = [field for field in fields if field]
+    if not filled:
         return TextRow(line, fields, is_sample=False)
-    if re.match(r"[+-]?[.,]?\d", held[0]):
+    if re.match(r"[+-]?[.,]?\d", filled[0]):
         return TextRow(line, fields)
-    refuse_factors(f"{layout.path}: line {line}", held)
-    if not any(is_number(field) or is_mark(field) for field in held):
+    refuse_factors(f"{layout.path}: line {line}", filled)
+    if not any(is_number(field) or is_invalid_mark(field) for field in filled):
         if _is_header(fields, layout):
             remark = f"line {line} is left out, because it repeats the header"
             return TextRow(line, fields, is_sample=False, remark=remark)
         _refuse_other_header(fields, layout, line)
-    is_cut = len(held) < min(layout.table.width, len(layout.header))
-    is_text = _is_plain(text) and re.match(r"[^\W\d]{2}", held[0]) and not is_mark(held[0])
-    is_line = len(fields) == 1 and re.fullmatch(r"[-=_*~]{3,}", held[0]) is not None
-    if is_cut and (is_text or is_line):
+    has_few_fields = len(filled) < min(layout.table.width, len(layout.header))
+    is_text = (
+        _is_written_text(text)
+        and re.match(r"[^\W\d]{2}", filled[0])
+        and not is_invalid_mark(filled[0])
+    )
+    is_separator = len(fields) == 1 and re.fullmatch(r"[-=_*~]{3,}", filled[0]) is not None
+    if has_few_fields and (is_text or is_separator):
         remark = f"line {line} is left out, because it is not a sample: '{text[:60]}'"
         return TextRow(line, fields, is_sample=False, remark=remark)
-    return TextRow(line, fields, word=held[0].lower() if is_statistics(held) else "")
+    return TextRow(line, fields, word=filled[0].lower() if is_statistics_row(filled) else "")
 
 
-def _is_plain(text: str) -> bool:
+def _is_written_text(text: str) -> bool:
     """Whether a line is a text that somebody wrote, and not bytes of a damaged file."""
     count = sum(sign.isascii() for sign in text)
     return text.replace("\t", " ").isprintable() and count >= _MIN_ASCII_SHARE * len(text)
 
 
-def is_statistics(held: Sequence[str]) -> bool:
+def is_statistics_row(filled: Sequence[str]) -> bool:
     """Whether the first filled field says that a row is a mean, an extreme or the like."""
-    return len(held[0]) < _MAX_WORD and _STATISTICS.fullmatch(held[0]) is not None
+    return len(filled[0]) < _MAX_WORD_LENGTH and _STATISTICS.fullmatch(filled[0]) is not None
 
 
 def _is_header(fields: Sequence[str], layout: Layout) -> bool:
@@ -155,7 +161,7 @@ def _is_header(fields: Sequence[str], layout: Layout) -> bool:
         if column.position is not None and column.position < len(fields)
     ]
     is_units = any(column.unit for _, column in own) and all(
-        unit_text(field) == column.unit or field == column.unit for field, column in own
+        normalise_unit(field) == column.unit or field == column.unit for field, column in own
     )
     return is_units or all(field == column.name for field, column in own)
 
@@ -167,7 +173,7 @@ def _refuse_other_header(fields: Sequence[str], layout: Layout, line: int) -> No
     headers = [parse_header(field) for field in fields if field]
     known = [header for header in headers if header.quantity and header.unit]
     has_names = len(known) > 1 and len(known) == len({header.text for header in known})
-    if has_names or (layout.units and all(find_unit(unit_text(field)) for field in fields)):
+    if has_names or (layout.units and all(find_unit(normalise_unit(field)) for field in fields)):
         raise InputError(
             f"{layout.path}: a second header in line {line} ('{', '.join(fields)[:60]}') differs "
             "from the first; split the file there, so that each file has one header",
@@ -175,18 +181,18 @@ def _refuse_other_header(fields: Sequence[str], layout: Layout, line: int) -> No
         )
 
 
-def refuse_factors(where: str, held: Sequence[str]) -> None:
+def refuse_factors(where: str, filled: Sequence[str]) -> None:
     """Refuse a row that holds the factors of the columns."""
-    is_marked = len(held) > 1 and all(FACTOR.fullmatch(field) for field in held)
-    if is_marked or (_FACTORS.fullmatch(held[0]) and len(held) > 1 and is_number(held[1])):
+    is_marked = len(filled) > 1 and all(FACTOR_FIELD.fullmatch(field) for field in filled)
+    if is_marked or (_FACTORS.fullmatch(filled[0]) and len(filled) > 1 and is_number(filled[1])):
         raise InputError(
-            f"{where}: '{held[0]}' begins a row of factors or offsets, which are not applied; apply "
+            f"{where}: '{filled[0]}' begins a row of factors or offsets, which are not applied; apply "
             'them to the numbers, or remove the line and state each factor: --scale "COLUMN=FACTOR"',
             code="factor-row",
         )
 
 
-class Thousands:
+class ThousandsCheck:
     """Finds numbers such as 1,234 whose sign separates thousands, or may do so.
 
     The sign separates thousands if it is not the decimal sign of the other numbers. It may do so if
@@ -195,35 +201,37 @@ class Thousands:
 
     def __init__(self, delimiter: str | None) -> None:
         self.delimiter = delimiter
-        self.decimals: set[str] = set()
-        self.own_decimals: set[int] = set()
-        self.whole: set[int] = set()
-        self.grouped: dict[tuple[int, str], tuple[int, str]] = {}  # first of a column and sign
+        self.decimal_signs: set[str] = set()
+        self.decimal_columns: set[int] = set()
+        self.whole_columns: set[int] = set()
+        self.grouped_numbers: dict[
+            tuple[int, str], tuple[int, str]
+        ] = {}  # first of a column and sign
 
     def may_occur(self, chunk: bytes) -> bool:
         """Whether a piece of the file needs a look at each field."""
         if self.delimiter == ",":
-            return _QUOTED.search(chunk) is not None
+            return _QUOTED_GROUPED.search(chunk) is not None
         return (b"." in chunk and b"," in chunk) or _NOT_GROUPED.search(chunk) is None
 
-    def see(self, line: int, fields: Sequence[str]) -> None:
+    def observe(self, line: int, fields: Sequence[str]) -> None:
         """Look at the fields of one row."""
         for column, field in enumerate(fields):
-            if (match := _GROUPED.fullmatch(field)) and (
+            if (match := _GROUPED_NUMBER.fullmatch(field)) and (
                 self.delimiter != "," or match["sign"] == ","
             ):
-                self.grouped.setdefault((column, match["sign"]), (line, field))
-            elif match := _DECIMAL.fullmatch(field):
-                self.decimals.add(match["sign"])
-                self.own_decimals.add(column)
-            elif _WHOLE.fullmatch(field):
-                self.whole.add(column)
+                self.grouped_numbers.setdefault((column, match["sign"]), (line, field))
+            elif match := _DECIMAL_NUMBER.fullmatch(field):
+                self.decimal_signs.add(match["sign"])
+                self.decimal_columns.add(column)
+            elif _THREE_DIGITS.fullmatch(field):
+                self.whole_columns.add(column)
 
-    def refuse(self, path: object, columns: Sequence[int]) -> None:
+    def refuse_doubtful(self, path: object, columns: Sequence[int]) -> None:
         """Refuse the first such number in some columns."""
-        for (column, sign), (line, field) in self.grouped.items():
-            is_other = bool(self.decimals) and sign not in self.decimals
-            is_doubtful = column in self.whole and column not in self.own_decimals
+        for (column, sign), (line, field) in self.grouped_numbers.items():
+            is_other = bool(self.decimal_signs) and sign not in self.decimal_signs
+            is_doubtful = column in self.whole_columns and column not in self.decimal_columns
             if column in columns and (is_other or is_doubtful):
                 raise InputError(
                     f"{path}: line {line}: '{field}' may have a separator of thousands, because "

@@ -14,13 +14,13 @@ from anhyst.data.formats.channels import (
     ChannelFile,
     ChannelGroup,
     Values,
+    assign_clocks_by_name,
     check_size,
-    clocks_by_name,
 )
 from anhyst.support.atomic import binary_writer
 
-_UNITS = (b"unit", b"units", b"Unit", b"Units")
-_GROUP = b"group"
+_UNIT_KEYS = (b"unit", b"units", b"Unit", b"Units")
+_GROUP_KEY = b"group"
 
 
 @opener("pyarrow")
@@ -33,12 +33,12 @@ def open_parquet(path: Path) -> ChannelFile:
         channels = [
             channel
             for index, field in enumerate(file.schema_arrow)
-            if rows > 0 and (channel := _channel(path, index, field, rows)) is not None
+            if rows > 0 and (channel := _field_channel(path, index, field, rows)) is not None
         ]
-    return ChannelFile(path, clocks_by_name(channels), _read)
+    return ChannelFile(path, assign_clocks_by_name(channels), _read)
 
 
-def _channel(path: Path, index: int, field: Any, rows: int) -> Channel | None:
+def _field_channel(path: Path, index: int, field: Any, rows: int) -> Channel | None:
     from pyarrow import types
 
     kind = field.type
@@ -51,9 +51,11 @@ def _channel(path: Path, index: int, field: Any, rows: int) -> Channel | None:
     if not (is_text or is_date or is_number):
         return None
     check_size(path, field.name, rows, 8)
-    kept = field.metadata or {}
-    unit = next((kept[key].decode("utf-8", "replace") for key in _UNITS if key in kept), "")
-    group = kept.get(_GROUP, b"").decode("utf-8", "replace")
+    metadata = field.metadata or {}
+    unit = next(
+        (metadata[key].decode("utf-8", "replace") for key in _UNIT_KEYS if key in metadata), ""
+    )
+    group = metadata.get(_GROUP_KEY, b"").decode("utf-8", "replace")
     return Channel(field.name, rows, index, "s" if is_date else unit, group, None, is_text)
 
 
@@ -69,10 +71,12 @@ def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Va
         else:
             batches = file.iter_batches(batch_size=count, columns=names, use_threads=False)
             table = pyarrow.Table.from_batches([next(batches)])
-    return [_samples(table.column(columns.index(channel.key)), channel) for channel in channels]
+    return [
+        _column_values(table.column(columns.index(channel.key)), channel) for channel in channels
+    ]
 
 
-def _samples(column: Any, channel: Channel) -> Values:
+def _column_values(column: Any, channel: Channel) -> Values:
     if channel.is_text:
         return np.array(["" if text is None else text for text in column.to_pylist()], dtype=str)
     values: Values = column.to_numpy()
@@ -89,9 +93,9 @@ def write_parquet(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ..
     for section in sections:
         for series in [*([section.clock] if section.clock else []), *section.series]:
             column = pyarrow.array(series.values)
-            about = {b"unit": series.unit, _GROUP: section.group}
-            kept = {key: text.encode() for key, text in about.items() if text}
-            fields.append(pyarrow.field(series.name, column.type, metadata=kept or None))
+            entries = {b"unit": series.unit, _GROUP_KEY: section.group}
+            metadata = {key: text.encode() for key, text in entries.items() if text}
+            fields.append(pyarrow.field(series.name, column.type, metadata=metadata or None))
             columns.append(column)
     with binary_writer(path) as stream:
         parquet.write_table(pyarrow.table(columns, schema=pyarrow.schema(fields)), stream)

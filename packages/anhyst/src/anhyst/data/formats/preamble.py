@@ -8,20 +8,20 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.data.formats.channels import is_number, is_value
+from anhyst.data.formats.channels import is_number, is_number_or_mark
 from anhyst.data.formats.encoding import HEADER_ADVICE
-from anhyst.data.formats.stamps import STAMP
+from anhyst.data.formats.stamps import TIME_STAMP
 from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, parse_header
 
 Lines = list[tuple[str, int]]
 """Lines of the beginning of a file with the byte at which each starts."""
 _DELIMITERS = (";", "\t", ",", None)
-_RUN = 8
+_MIN_RUN_ROWS = 8
 """Rows of numbers from which on a run of them is the data; of shorter ones the longest is."""
-FACTOR = re.compile(r"[*×x]\s*[\d.,]+([eE][+-]?\d+)?")
+FACTOR_FIELD = re.compile(r"[*×x]\s*[\d.,]+([eE][+-]?\d+)?")
 """A field of a row of factors, such as *0.001."""
-_SIGNS = "#% ;/"
+_COMMENT_SIGNS = "#% ;/"
 """Signs with which comments begin, and the blanks after them."""
 
 
@@ -39,7 +39,7 @@ class Column:
 class TextColumns:
     """Where the columns of a text file are."""
 
-    first: int  # index of the first line of data
+    first_line: int  # index of the first line of data
     delimiter: str | None  # between fields; None stands for blanks of any number
     width: int  # fields of a line
     columns: tuple[Column, ...]
@@ -48,7 +48,7 @@ class TextColumns:
     is_joined: bool = False  # whether sections were joined, so that blank lines say nothing
 
 
-def unit_text(text: str) -> str:
+def normalise_unit(text: str) -> str:
     """Return the symbol of a unit that may be in brackets or a full word."""
     plain = text.strip(" \"[]()'")
     unit = find_unit(plain)
@@ -60,7 +60,7 @@ def is_comment(text: str) -> bool:
     text = text.lstrip()
     if text.startswith(("#", "%", "//")):
         return True
-    return text.startswith(";") and ";" not in text[1:] and not is_value(text[1:].strip())
+    return text.startswith(";") and ";" not in text[1:] and not is_number_or_mark(text[1:].strip())
 
 
 def split_line(text: str, delimiter: str | None) -> list[str]:
@@ -79,20 +79,20 @@ def skip_comments(lines: Lines, start: int) -> tuple[list[str], int]:
     for index in range(start, len(lines)):
         text = lines[index][0].strip()
         if is_comment(text):
-            notes.append(text.lstrip(_SIGNS).rstrip())
+            notes.append(text.lstrip(_COMMENT_SIGNS).rstrip())
         elif text:
             return notes, index
     return notes, len(lines)
 
 
-def is_header(lines: Lines, index: int, least: int) -> bool:
+def is_header(lines: Lines, index: int, min_columns: int) -> bool:
     """Whether a line names what is measured, so that nothing need be looked for below it."""
-    delimiter = delimiter_of(lines[index][0])
-    fields = _name_fields(lines[index][0], delimiter)
-    if fields is None or len(fields) < least:
+    delimiter = detect_delimiter(lines[index][0])
+    fields = _split_names(lines[index][0], delimiter)
+    if fields is None or len(fields) < min_columns:
         return False
     _, below = skip_comments(lines, index + 1)
-    units = unit_row(lines[below][0], delimiter, fields) if below < len(lines) else None
+    units = parse_unit_row(lines[below][0], delimiter, fields) if below < len(lines) else None
     headers = map(parse_header, fields, units or [None] * len(fields))
     return any(header.is_known and header.problem is None for header in headers)
 
@@ -102,33 +102,39 @@ class HeadTooShortError(Exception):
 
 
 def find_header(
-    path: Path, lines: Lines, first: int, least: int, *, last: bool
+    path: Path, lines: Lines, first: int, min_columns: int, *, is_last: bool
 ) -> tuple[TextColumns, list[str]]:
     """Find the columns of a table with a row of names, and the remarks above its data."""
     remarks: list[str] = []
-    delimiter, row = delimiter_of(lines[first][0]), first
-    if not is_header(lines, first, least):
-        row, delimiter = _skip_preamble(path, lines, first, least, last=last)
-        remarks = [text.strip().lstrip(_SIGNS) for text, _ in lines[first:row] if text.strip()]
-    names, data = header_fields(lines[row][0], delimiter), row + 1
+    delimiter, row = detect_delimiter(lines[first][0]), first
+    if not is_header(lines, first, min_columns):
+        row, delimiter = _find_names_above_run(path, lines, first, min_columns, is_last=is_last)
+        remarks = [
+            text.strip().lstrip(_COMMENT_SIGNS) for text, _ in lines[first:row] if text.strip()
+        ]
+    names, data = split_header_line(lines[row][0], delimiter), row + 1
     if all(is_number(name) for name in names if name):
-        names, data = header_from_comment(path, lines, row, names), row
+        names, data = read_header_comment(path, lines, row, names), row
     names = drop_empty_tail(names)
     below = skip_comments(lines, data)[1]
     if delimiter is None and row < data <= below < len(lines):
-        wide = re.split(r"\s{2,}", lines[row][0].strip())  # names that hold single blanks
-        is_wide = least <= len(wide) == len(lines[below][0].split())
-        names = wide if is_wide else names
-    if len(names) < least:
+        wide_names = re.split(r"\s{2,}", lines[row][0].strip())  # names that hold single blanks
+        is_wide = min_columns <= len(wide_names) == len(lines[below][0].split())
+        names = wide_names if is_wide else names
+    if len(names) < min_columns:
         raise InputError(
-            f"{path}: line {row + 1}: one column only ('{short(names[0])}'); a loop needs an "
+            f"{path}: line {row + 1}: one column only ('{shorten(names[0])}'); a loop needs an "
             "input and an output column, separated by comma, semicolon, tab or blanks",
             code="single-column",
         )
-    comments, data, units = _rows_below(lines, data, delimiter, names)
+    comments, data, units = _read_rows_below_names(lines, data, delimiter, names)
     if units is None:
-        units = _units_above(lines[first:row], delimiter, names)
-    rows = [split_line(text, delimiter) for text, _ in lines[data : data + _RUN] if text.strip()]
+        units = _find_units_above(lines[first:row], delimiter, names)
+    rows = [
+        split_line(text, delimiter)
+        for text, _ in lines[data : data + _MIN_RUN_ROWS]
+        if text.strip()
+    ]
     if [row[0] for row in rows[:3] if len(row) == len(names) + 1 and row[-1]] == ["1", "2", "3"]:
         names, units = ["row", *names], ("", *units) if units else None  # as R writes it
     columns = tuple(
@@ -140,7 +146,7 @@ def find_header(
     return TextColumns(data, delimiter, len(names), columns), remarks + comments
 
 
-def _rows_below(
+def _read_rows_below_names(
     lines: Lines, row: int, delimiter: str | None, names: list[str]
 ) -> tuple[list[str], int, tuple[str, ...] | None]:
     """Return comments below the names, the index of the first row of data, and the unit row.
@@ -150,16 +156,16 @@ def _rows_below(
     comments, data = skip_comments(lines, row)
     units = None
     remarks, begin = list(comments), data
-    for _ in range(_ROWS_ABOVE):
+    for _ in range(_MAX_ROWS_ABOVE):
         if begin == len(lines):
             break
         fields = split_line(lines[begin][0], delimiter)
-        if FACTOR.fullmatch(fields[0]):
+        if FACTOR_FIELD.fullmatch(fields[0]):
             return remarks, begin, units
-        found = unit_row(lines[begin][0], delimiter, names) if units is None else None
-        stamp = STAMP.fullmatch(fields[0])
+        found = parse_unit_row(lines[begin][0], delimiter, names) if units is None else None
+        stamp = TIME_STAMP.fullmatch(fields[0])
         is_dated = stamp is not None and stamp["date"] is not None
-        if not found and (is_dated or any(is_value(field) for field in fields)):
+        if not found and (is_dated or any(is_number_or_mark(field) for field in fields)):
             return remarks, begin, units
         remarks += [] if found else [lines[begin][0].strip()]
         units = units or found
@@ -170,48 +176,48 @@ def _rows_below(
     return comments, data, units
 
 
-def _skip_preamble(
-    path: Path, lines: Lines, first: int, least: int, *, last: bool
+def _find_names_above_run(
+    path: Path, lines: Lines, first: int, min_columns: int, *, is_last: bool
 ) -> tuple[int, str | None]:
     """Find the row of names above the first long run of numbers, and the delimiter."""
-    runs = [(find_run(lines, first, sign, least), sign) for sign in _DELIMITERS]
-    signed = [(run, sign) for run, sign in runs if run is not None]
-    if not signed and not last:
+    runs = [(find_run(lines, first, sign, min_columns), sign) for sign in _DELIMITERS]
+    found_runs = [(run, sign) for run, sign in runs if run is not None]
+    if not found_runs and not is_last:
         raise HeadTooShortError
-    if not signed or any(run.start == first for run, _ in signed):
-        return first, delimiter_of(lines[first][0])
-    for run, sign in signed:
-        row = _names_row(lines, first, run, sign)
+    if not found_runs or any(run.start == first for run, _ in found_runs):
+        return first, detect_delimiter(lines[first][0])
+    for run, sign in found_runs:
+        row = _find_names_row(lines, first, run, sign)
         if row is not None:
             return row, sign
-    run, _ = max(signed, key=lambda run: run[0].width)
-    above = _text_above(lines, first, run.start) or first
+    run, _ = max(found_runs, key=lambda run: run[0].width)
+    above = _find_text_above(lines, first, run.start) or first
     raise InputError(
-        f"{path}: line {above + 1}: '{short(lines[above][0].strip())}' stands where the header of "
+        f"{path}: line {above + 1}: '{shorten(lines[above][0].strip())}' stands where the header of "
         f"the {run.width} columns of numbers below it should be; name them there, such as "
         "'I_A,F_N,gap_m'",
         code="header-not-named",
     )
 
 
-_ROWS_ABOVE = 12
+_MAX_ROWS_ABOVE = 12
 """Rows above the data among which the names are: loggers put channels and rates below them."""
 
 
-def _names_row(lines: Lines, first: int, run: NumberRun, sign: str | None) -> int | None:
+def _find_names_row(lines: Lines, first: int, run: NumberRun, sign: str | None) -> int | None:
     """Return the row above a run that names its columns best, the lowest of equal ones."""
-    best, most = None, -2
-    above = _text_above(lines, first, run.start)
-    for _ in range(_ROWS_ABOVE):
-        names = None if above is None else _name_fields(lines[above][0], sign)
+    best, best_count = None, -2
+    above = _find_text_above(lines, first, run.start)
+    for _ in range(_MAX_ROWS_ABOVE):
+        names = None if above is None else _split_names(lines[above][0], sign)
         if above is None or names is None:
             break
-        if run.used <= len(names) <= run.width:
-            is_units = unit_row(lines[above][0], sign, names) is not None
-            known = -1 if is_units else _count_names(names)
-            if known > most:
-                best, most = above, known
-        above = _text_above(lines, first, above)
+        if run.used_columns <= len(names) <= run.width:
+            is_units = parse_unit_row(lines[above][0], sign, names) is not None
+            count = -1 if is_units else _count_names(names)
+            if count > best_count:
+                best, best_count = above, count
+        above = _find_text_above(lines, first, above)
     return best
 
 
@@ -225,7 +231,9 @@ def _count_names(names: list[str]) -> int:
                for header in headers)  # fmt: skip
 
 
-def _units_above(lines: Lines, delimiter: str | None, names: list[str]) -> tuple[str, ...] | None:
+def _find_units_above(
+    lines: Lines, delimiter: str | None, names: list[str]
+) -> tuple[str, ...] | None:
     """Return the units above a header: a row of them, or the vertical units of Tektronix."""
     rows = [split_line(text, delimiter) for text, _ in lines if text.strip()]
     last = drop_empty_tail(rows[-1]) if rows else []
@@ -239,13 +247,13 @@ def _units_above(lines: Lines, delimiter: str | None, names: list[str]) -> tuple
     return (first.lower(), *values[1 : len(names)])
 
 
-def _name_fields(text: str, delimiter: str | None) -> list[str] | None:
+def _split_names(text: str, delimiter: str | None) -> list[str] | None:
     """Fields of a line that may be a header: none of them is a number."""
-    fields = drop_empty_tail(header_fields(text, delimiter))
+    fields = drop_empty_tail(split_header_line(text, delimiter))
     return None if any(is_number(field) for field in fields) else fields
 
 
-def _text_above(lines: Lines, first: int, start: int) -> int | None:
+def _find_text_above(lines: Lines, first: int, start: int) -> int | None:
     """Return the index of the last line above another that is neither blank nor a comment."""
     above = range(start - 1, first - 1, -1)
     return next((n for n in above if lines[n][0].strip() and not is_comment(lines[n][0])), None)
@@ -257,12 +265,12 @@ class NumberRun:
 
     start: int
     width: int
-    numbers: set[int]
-    used: int = 0
+    numeric_columns: set[int]
+    used_columns: int = 0
     rows: int = 0
 
 
-def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> NumberRun | None:
+def find_run(lines: Lines, first: int, delimiter: str | None, min_columns: int) -> NumberRun | None:
     """Find the first run of at least `_RUN` rows, else the longest of three or more."""
     run, best = NumberRun(first, 0, set()), None
     for line in range(first, len(lines)):
@@ -271,36 +279,42 @@ def find_run(lines: Lines, first: int, delimiter: str | None, least: int) -> Num
             continue
         fields = split_line(text, delimiter)
         # Behind a word, a date is a setting.
-        stamps = [STAMP.fullmatch(field) is not None for field in fields]
-        is_row = bool(fields) and (stamps[0] or is_value(fields[0]))
-        numbers = {n for n, field in enumerate(fields) if is_value(field) or (is_row and stamps[n])}
-        common = numbers & run.numbers if len(fields) == run.width else set()
-        if not _are_enough(common, run.used, least):
+        stamps = [TIME_STAMP.fullmatch(field) is not None for field in fields]
+        is_row = bool(fields) and (stamps[0] or is_number_or_mark(fields[0]))
+        numbers = {
+            n
+            for n, field in enumerate(fields)
+            if is_number_or_mark(field) or (is_row and stamps[n])
+        }
+        common = numbers & run.numeric_columns if len(fields) == run.width else set()
+        if not _is_table(common, run.used_columns, min_columns):
             run, common = NumberRun(line, len(fields), numbers), numbers
-        run.numbers = common
-        run.used = max(run.used, *(index + 1 for index, field in enumerate(fields) if field), 0)
+        run.numeric_columns = common
+        run.used_columns = max(
+            run.used_columns, *(index + 1 for index, field in enumerate(fields) if field), 0
+        )
         run.rows += 1
-        if not _are_enough(run.numbers, run.used, least):
+        if not _is_table(run.numeric_columns, run.used_columns, min_columns):
             run = NumberRun(line, 0, set())
-        elif run.rows >= _RUN:
+        elif run.rows >= _MIN_RUN_ROWS:
             return run
         elif run.rows >= 3 and (best is None or run.rows > best.rows):
             best = run
     return best
 
 
-def _are_enough(numbers: set[int], columns: int, least: int) -> bool:
+def _is_table(numbers: set[int], columns: int, min_columns: int) -> bool:
     """Whether this number of numeric columns makes a table rather than a list of settings."""
-    return len(numbers) >= least and 2 * len(numbers) > columns
+    return len(numbers) >= min_columns and 2 * len(numbers) > columns
 
 
-def delimiter_of(line: str) -> str | None:
+def detect_delimiter(line: str) -> str | None:
     """Return the delimiter of a line; ``None`` stands for blanks."""
     outside = re.sub(r'"[^"]*"', "", line)
     return next((sign for sign in (";", "\t", ",") if sign in outside), None)
 
 
-def header_fields(line: str, delimiter: str | None) -> list[str]:
+def split_header_line(line: str, delimiter: str | None) -> list[str]:
     """Fields of a header line; between blanks, a unit in brackets belongs to its name."""
     fields: list[str] = []
     for field in split_line(line, delimiter):
@@ -319,13 +333,13 @@ def drop_empty_tail(fields: list[str]) -> list[str]:
     return kept
 
 
-def header_from_comment(path: Path, lines: Lines, first: int, row: list[str]) -> list[str]:
+def read_header_comment(path: Path, lines: Lines, first: int, row: list[str]) -> list[str]:
     """Take the names from the last comment before the data, as NumPy and COMSOL write them."""
     comments = [text for text, _ in lines[:first] if is_comment(text)]
     if comments:
-        text = comments[-1].strip().lstrip(_SIGNS)
+        text = comments[-1].strip().lstrip(_COMMENT_SIGNS)
         whole = comments[-1].strip()  # a counter of rows may be called '#'
-        choices = [header_fields(line, delimiter_of(line)) for line in (text, whole)]
+        choices = [split_header_line(line, detect_delimiter(line)) for line in (text, whole)]
         for fields in (*choices, re.split(r"\s{2,}|\t", text)):
             if len(fields) == len(row) and not any(is_number(field) for field in fields):
                 return fields
@@ -335,7 +349,7 @@ def header_from_comment(path: Path, lines: Lines, first: int, row: list[str]) ->
     )
 
 
-def unit_row(line: str, delimiter: str | None, header: list[str]) -> tuple[str, ...] | None:
+def parse_unit_row(line: str, delimiter: str | None, header: list[str]) -> tuple[str, ...] | None:
     """Read a row that holds units only, or nothing if it is a row of data."""
     fields = split_line(line, delimiter)
     if len(fields) < len(header) or any(is_number(field) for field in fields):
@@ -344,6 +358,6 @@ def unit_row(line: str, delimiter: str | None, header: list[str]) -> tuple[str, 
     return None if not any(find_unit(unit) for unit in units if unit) else tuple(units)
 
 
-def short(text: str) -> str:
+def shorten(text: str) -> str:
     """Return the beginning of a text, fit for a message."""
     return text if len(text) <= 40 else text[:37] + "..."

@@ -12,41 +12,43 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from anhyst.data.formats.channels import MOST_BYTES, is_number, is_value, to_number
-from anhyst.data.formats.encoding import encoding_of
+from anhyst.data.formats.channels import MAX_BYTES, is_number, is_number_or_mark, parse_number
+from anhyst.data.formats.encoding import detect_encoding
 from anhyst.data.formats.preamble import (
     Column,
     TextColumns,
     drop_empty_tail,
+    normalise_unit,
     split_line,
-    unit_text,
 )
 from anhyst.data.formats.stamps import second_of_day
 from anhyst.support.errors import InputError
 
-_LABVIEW = re.compile(rb"\s*LabVIEW Measurement", re.IGNORECASE)
-_TABLE = re.compile(r"\s*\[?(Table|Contour)\s+(\d+)\]?\s*:?\s*", re.IGNORECASE)
-_END = "***end_of_header***"
+_LABVIEW_START = re.compile(rb"\s*LabVIEW Measurement", re.IGNORECASE)
+_TABLE_TITLE = re.compile(r"\s*\[?(Table|Contour)\s+(\d+)\]?\s*:?\s*", re.IGNORECASE)
+_END_OF_HEADER = "***end_of_header***"
 
 
 def join_sections(
     path: Path, head: bytes, content: bytes | None
 ) -> tuple[bytes | None, TextColumns | None]:
     """Return a file as one table, and where its columns are; other files as they are."""
-    plain = (content[: len(head)] if content is not None else head).removeprefix(b"\xef\xbb\xbf")
-    is_labview = _LABVIEW.match(plain) is not None
-    is_aixacct = re.search(rb"^\s*\[?Table\s+\d+\]?\s*:?\s*$", plain, re.M | re.I) is not None
+    start = (content[: len(head)] if content is not None else head).removeprefix(b"\xef\xbb\xbf")
+    is_labview = _LABVIEW_START.match(start) is not None
+    is_aixacct = re.search(rb"^\s*\[?Table\s+\d+\]?\s*:?\s*$", start, re.M | re.I) is not None
     if not is_labview and not is_aixacct:
         return content, None
-    if path.stat().st_size > MOST_BYTES:
-        raise InputError(f"{path}: is larger than {MOST_BYTES >> 30} GiB; cut it", code="too-large")
+    if path.stat().st_size > MAX_BYTES:
+        raise InputError(f"{path}: is larger than {MAX_BYTES >> 30} GiB; cut it", code="too-large")
     whole = path.read_bytes() if content is None else content
-    lines = re.split(r"\r?\n", whole.decode(encoding_of(whole), "replace"))
-    sections, left = (_labview_sections(path, lines), []) if is_labview else _tables(path, lines)
+    lines = re.split(r"\r?\n", whole.decode(detect_encoding(whole), "replace"))
+    sections, other_tables = (
+        (_find_labview_segments(path, lines), []) if is_labview else _find_tables(path, lines)
+    )
     if not sections:
         return content, None
-    notes = [f"table {section.label} has other columns and is left out" for section in left]
-    rows, columns = _joined(sections, len(lines), notes)
+    notes = [f"table {section.label} has other columns and is left out" for section in other_tables]
+    rows, columns = _merge_sections(sections, len(lines), notes)
     return ("\n".join(rows) + "\n").encode(), columns
 
 
@@ -61,7 +63,7 @@ class _Section:
     step: float = 0.0
 
 
-def _joined(
+def _merge_sections(
     sections: list[_Section], count: int, notes: list[str]
 ) -> tuple[list[str], TextColumns]:
     """Put the rows of all tables into their lines; a column ``loop`` tells several tables apart."""
@@ -81,7 +83,7 @@ def _joined(
     return text, table
 
 
-def _tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Section]]:
+def _find_tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Section]]:
     """Find the tables of aixACCT that have the usual columns, and the others.
 
     Each is a line such as ``Table 1``, settings, names with units, and rows of numbers.
@@ -90,11 +92,13 @@ def _tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Section
     label = ""
     for number, text in enumerate(lines):
         fields = drop_empty_tail(split_line(text, "\t"))
-        if match := _TABLE.fullmatch(text):
+        if match := _TABLE_TITLE.fullmatch(text):
             label = match[2]
-        elif len(fields) > 1 and is_value(fields[0]):
+        elif len(fields) > 1 and is_number_or_mark(fields[0]):
             if found and found[-1].label == label:
-                found[-1].rows[number] = _fitting(path, number, fields, len(found[-1].columns))
+                found[-1].rows[number] = _check_field_count(
+                    path, number, fields, len(found[-1].columns)
+                )
         elif len(fields) > 1 and "[" in text and not any(is_number(item) for item in fields):
             columns = [Column(name, "", position) for position, name in enumerate(fields)]
             found.append(_Section(label, columns))
@@ -110,7 +114,7 @@ def _tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Section
     return sections, [section for section in found if section not in sections]
 
 
-def _fitting(path: Path, number: int, fields: list[str], count: int) -> list[str]:
+def _check_field_count(path: Path, number: int, fields: list[str], count: int) -> list[str]:
     """Return the fields of a row, and refuse more or fewer than there are names."""
     if len(fields) != count:
         raise InputError(
@@ -121,32 +125,32 @@ def _fitting(path: Path, number: int, fields: list[str], count: int) -> list[str
     return fields
 
 
-def _labview_sections(path: Path, lines: list[str]) -> list[_Section]:
+def _find_labview_segments(path: Path, lines: list[str]) -> list[_Section]:
     """Find the segments of a LabVIEW measurement file."""
     head: dict[str, str] = {}
     begin = len(lines)
     for number, text in enumerate(lines):
         key, _, value = re.sub(r"[\t,;]+", "\t", text.strip(), count=1).partition("\t")
-        if key.strip().lower() == _END:
+        if key.strip().lower() == _END_OF_HEADER:
             begin = number + 1
             break
         head[key.strip().lower()] = value.strip()
     sign = {"comma": ",", "semicolon": ";"}.get(head.get("separator", "tab").lower(), "\t")
-    reader = _Segments(path, sign, kind=head.get("x_columns", "one").lower())
+    reader = _SegmentReader(path, sign, x_columns=head.get("x_columns", "one").lower())
     for number in range(begin, len(lines)):
         reader.feed(number, lines[number])
     return reader.finish()
 
 
-class _Segments:
+class _SegmentReader:
     """Collects the segments of a LabVIEW measurement file line by line."""
 
-    def __init__(self, path: Path, sign: str, kind: str) -> None:
-        self.path, self.sign, self.kind = path, sign, kind
-        self.found: list[_Section] = []
+    def __init__(self, path: Path, delimiter: str, x_columns: str) -> None:
+        self.path, self.sign, self.kind = path, delimiter, x_columns
+        self.segments: list[_Section] = []
         self.settings: dict[str, list[str]] = {}
         self.is_header = True
-        self.wants_names = False
+        self.expects_names = False
 
     def feed(self, number: int, text: str) -> None:
         """Take one line."""
@@ -154,22 +158,22 @@ class _Segments:
         key = fields[0].lower()
         if not any(fields):
             return
-        if key == _END:
-            self.is_header, self.wants_names = False, True
+        if key == _END_OF_HEADER:
+            self.is_header, self.expects_names = False, True
         elif key == "channels" or (not self.is_header and key in {"samples", "date"}):
             self.settings = {key: fields[1:]}
             self.is_header = True
-        elif self.wants_names or key == "x_value":
-            self._start(fields)
-            self.is_header = self.wants_names = False
+        elif self.expects_names or key == "x_value":
+            self._start_segment(fields)
+            self.is_header = self.expects_names = False
         elif self.is_header:
             self.settings[key] = fields[1:]
         else:
-            self._add(number, fields)
+            self._add_row(number, fields)
 
     def finish(self) -> list[_Section]:
         """Return the segments; those that continue one another in time are one."""
-        found = [section for section in self.found if section.rows]
+        found = [section for section in self.segments if section.rows]
         if not found:
             raise InputError(
                 f"{self.path}: has no samples below '***End_of_Header***'; export it again",
@@ -178,9 +182,9 @@ class _Segments:
         sections: list[_Section] = []
         end = float("-inf")
         for section in found:
-            times = self._times(section)
-            continues = sections and abs(times[0] - end) <= 0.5 * section.step
-            if continues and section.columns == sections[-1].columns:
+            times = self._segment_times(section)
+            is_continued = sections and abs(times[0] - end) <= 0.5 * section.step
+            if is_continued and section.columns == sections[-1].columns:
                 sections[-1].rows |= section.rows
             else:
                 section.label = str(len(sections) + 1)
@@ -193,7 +197,7 @@ class _Segments:
             )
         return sections
 
-    def _start(self, names: list[str]) -> None:
+    def _start_segment(self, names: list[str]) -> None:
         if names and names[-1].lower() == "comment":
             names = names[:-1]
         names = drop_empty_tail(names)
@@ -205,14 +209,16 @@ class _Segments:
         units = [*units, *[""] * len(channels)][: len(channels)]
         columns = [Column("t", "s", 0)]
         columns += [
-            Column(name, unit_text(unit), position)
+            Column(name, normalise_unit(unit), position)
             for position, (name, unit) in enumerate(zip(channels, units, strict=True), start=1)
         ]
         time = second_of_day(next(iter(self.settings.get("time", [])), ""))
-        start = self._shared("x0") + (0.0 if math.isnan(time) else time)
-        self.found.append(_Section("", columns, start=start, step=self._shared("delta_x")))
+        start = self._shared_setting("x0") + (0.0 if math.isnan(time) else time)
+        self.segments.append(
+            _Section("", columns, start=start, step=self._shared_setting("delta_x"))
+        )
 
-    def _shared(self, key: str) -> float:
+    def _shared_setting(self, key: str) -> float:
         """Return a setting that all channels must share; 0 if there is none."""
         values = [text.replace(",", ".") for text in self.settings.get(key, []) if text]
         numbers = {float(text) for text in values if is_number(text)}
@@ -224,10 +230,10 @@ class _Segments:
             )
         return numbers.pop() if len(numbers) == 1 else 0.0
 
-    def _add(self, number: int, fields: list[str]) -> None:
-        if not self.found:
+    def _add_row(self, number: int, fields: list[str]) -> None:
+        if not self.segments:
             return
-        section = self.found[-1]
+        section = self.segments[-1]
         count = len(section.columns) - 1
         if self.kind == "multi":
             times, values = fields[0 : 2 * count : 2], fields[1 : 2 * count : 2]
@@ -238,15 +244,15 @@ class _Segments:
                     code="different-times",
                 )
         elif self.kind == "no" and fields[0]:  # without the blank field of the times
-            times, values = [""], _fitting(self.path, number, fields, count)
+            times, values = [""], _check_field_count(self.path, number, fields, count)
         else:
             times, values = fields[:1], fields[1 : 1 + count]
-            _fitting(self.path, number, values, count)
+            _check_field_count(self.path, number, values, count)
         section.rows[number] = [*times[:1], *values]
 
-    def _times(self, section: _Section) -> list[float]:
+    def _segment_times(self, section: _Section) -> list[float]:
         """Return the first and last time of a segment, and write its times where there are none."""
-        start, step = section.start - self.found[0].start, section.step
+        start, step = section.start - self.segments[0].start, section.step
         if self.kind == "no":
             if step <= 0.0:
                 raise InputError(
@@ -259,4 +265,4 @@ class _Segments:
             return [start, start + (len(section.rows) - 1) * step]
         rows = list(section.rows.values())
         ends = (rows[0][0], rows[-1][0])
-        return [to_number(text) if is_number(text) else 0.0 for text in ends]
+        return [parse_number(text) if is_number(text) else 0.0 for text in ends]

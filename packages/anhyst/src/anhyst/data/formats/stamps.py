@@ -10,7 +10,7 @@ import numpy as np
 from anhyst.data.formats.channels import Texts
 from anhyst.support.numeric import FloatArray
 
-STAMP = re.compile(
+TIME_STAMP = re.compile(
     r"(?P<date>\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ]+)?"
     r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}([.,]\d+|:\d{3})?) ?(?P<half>[AP]M)?(Z|(?P<zone>[+-]\d\d:?\d\d))?"
     r"|\d{4}[-/]\d{2}[-/]\d{2}|\d{1,2}\.\d{1,2}\.\d{4}|\d{1,2}/\d{1,2}/\d{4}",
@@ -20,7 +20,7 @@ STAMP = re.compile(
 _DAY_S = 86400.0
 
 
-def seconds_of(stamps: Texts) -> FloatArray:
+def seconds_since_first(stamps: Texts) -> FloatArray:
     """Return times of day in s since the first; a clock that starts again at midnight goes on."""
     seconds = np.array([second_of_day(text) for text in stamps.values])[stamps.codes]
     midnights = np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -0.5 * _DAY_S)
@@ -29,7 +29,7 @@ def seconds_of(stamps: Texts) -> FloatArray:
 
 def second_of_day(text: str) -> float:
     """Return a time of day in s; NaN if a text holds none."""
-    match = STAMP.fullmatch(text)
+    match = TIME_STAMP.fullmatch(text)
     if match is None or match["h"] is None:
         return math.nan
     hour = int(match["h"])
@@ -37,6 +37,6 @@ def second_of_day(text: str) -> float:
         hour = hour % 12 + 12 * (match["half"].upper() == "PM")
     whole, _, fraction = match["s"].replace(",", ".").replace(":", ".").partition(".")
     if match["zone"]:  # a clock that is put back an hour goes on
-        away = match["zone"].replace(":", "")
-        hour -= int(away[:3])
+        zone = match["zone"].replace(":", "")
+        hour -= int(zone[:3])
     return 3600.0 * hour + 60.0 * int(match["m"]) + int(whole) + float(f"0.{fraction or 0}")

@@ -14,17 +14,17 @@ from anhyst.data.formats.channels import (
     ChannelFile,
     ChannelGroup,
     Values,
+    assign_clocks_by_name,
     check_size,
-    clocks_by_name,
 )
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
-_WAVEFORM, _START = "wf_increment", "wf_start_time"
-_EPOCH = np.datetime64("1910-01-01")
+_STEP_PROPERTY, _START_PROPERTY = "wf_increment", "wf_start_time"
+_MIN_START_TIME = np.datetime64("1910-01-01")
 """LabVIEW writes its epoch of 1904 where no start time is known."""
-_UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
-_NO_GROUP = "channels"
+_UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "unit", "Unit")
+_DEFAULT_GROUP = "channels"
 
 
 @opener("nptdms")
@@ -56,45 +56,47 @@ def open_tdms(path: Path) -> ChannelFile:
         stated = [f"{key} = {value}" for key, value in file.properties.items()]
         starts = [start for item in items if (start := _start_time(item)) is not None]
         origin = min(starts, default=None)
-        channels = [_channel(path, size, item, clocks, origin) for item in items]
-    return ChannelFile(path, clocks_by_name(channels), _read, (), ((0, tuple(stated)),))
+        channels = [_make_channel(path, size, item, clocks, origin) for item in items]
+    return ChannelFile(path, assign_clocks_by_name(channels), _read, (), ((0, tuple(stated)),))
 
 
 def _start_time(item: Any) -> Any:
     """Return the absolute time at which a waveform starts, if it is stated."""
-    start = item.properties.get(_START)
-    if item.properties.get(_WAVEFORM) is None or not isinstance(start, np.datetime64):
+    start = item.properties.get(_START_PROPERTY)
+    if item.properties.get(_STEP_PROPERTY) is None or not isinstance(start, np.datetime64):
         return None
-    return None if np.isnat(start) or start < _EPOCH else start
+    return None if np.isnat(start) or start < _MIN_START_TIME else start
 
 
-def _channel(
+def _make_channel(
     path: Path, size: int, item: Any, clocks: dict[tuple[Any, ...], Channel], origin: Any
 ) -> Channel:
     count, width, group = len(item), max(1, item.dtype.itemsize), str(item.group_name)
     check_size(path, f"{group}/{item.name}", count, width)
-    stored = {"b": 1, "O": 1, "M": width // 2}.get(item.dtype.kind, width)
-    if count * stored > size:
+    bytes_per_sample = {"b": 1, "O": 1, "M": width // 2}.get(item.dtype.kind, width)
+    if count * bytes_per_sample > size:
         raise InputError(
             f"{path}: channel '{group}/{item.name}' says that it holds {count} samples, more than "
             "the file; it is damaged, record or export it again",
             code="damaged-file",
         )
     clock = None
-    if (step := _number(item.properties.get(_WAVEFORM))) is not None and step > 0.0:
-        start = _number(item.properties.get("wf_start_offset")) or 0.0
+    if (step := _finite_number(item.properties.get(_STEP_PROPERTY))) is not None and step > 0.0:
+        start = _finite_number(item.properties.get("wf_start_offset")) or 0.0
         if (absolute := _start_time(item)) is not None:
             start += float((absolute - origin) / np.timedelta64(1, "ns")) * 1e-9
         timing = (group, count, start, step)
         clock = clocks.setdefault(timing, Channel("t", count, (start, step), "s", group))
-    unit = next((str(item.properties[key]) for key in _UNITS if item.properties.get(key)), "")
+    unit = next(
+        (str(item.properties[key]) for key in _UNIT_PROPERTIES if item.properties.get(key)), ""
+    )
     unit = "s" if item.dtype.kind == "M" else unit
     key = (group, str(item.name))
-    own = "" if group == _NO_GROUP else group
-    return Channel(str(item.name), count, key, unit, own, clock, item.dtype.kind == "O")
+    group_name = "" if group == _DEFAULT_GROUP else group
+    return Channel(str(item.name), count, key, unit, group_name, clock, item.dtype.kind == "O")
 
 
-def _number(value: Any) -> float | None:
+def _finite_number(value: Any) -> float | None:
     try:
         return float(value) if np.isfinite(float(value)) else None
     except (TypeError, ValueError):
@@ -105,10 +107,10 @@ def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Va
     from nptdms import TdmsFile
 
     with TdmsFile.open(path) as file:
-        return [_samples(file, channel, count) for channel in channels]
+        return [_read_samples(file, channel, count) for channel in channels]
 
 
-def _samples(file: Any, channel: Channel, count: int | None) -> Values:
+def _read_samples(file: Any, channel: Channel, count: int | None) -> Values:
     first, second = channel.key
     if not isinstance(first, str):
         return np.asarray(first + second * np.arange(channel.length)[:count])
@@ -124,14 +126,16 @@ def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     used: set[str] = set()
     with binary_writer(path) as stream, TdmsWriter(stream) as writer:
         for section in sections:
-            name = section.group or _NO_GROUP
+            name = section.group or _DEFAULT_GROUP
             if section.clock is not None:
                 if name in used:
-                    free = next(n for n in range(2, 2 + len(sections)) if f"{name}_{n}" not in used)
-                    notes.append(
-                        f"group '{name}' has several clocks: '{name}_{free}' holds the next"
+                    free_number = next(
+                        n for n in range(2, 2 + len(sections)) if f"{name}_{n}" not in used
                     )
-                    name = f"{name}_{free}"
+                    notes.append(
+                        f"group '{name}' has several clocks: '{name}_{free_number}' holds the next"
+                    )
+                    name = f"{name}_{free_number}"
                 used.add(name)
             series = [*([section.clock] if section.clock else []), *section.series]
             objects = [RootObject(), GroupObject(name)]

@@ -25,13 +25,13 @@ from anhyst.data.formats.channels import (
     RawColumns,
     TextInNumbersError,
     Texts,
-    hash_of,
-    is_mark,
+    file_sha256,
+    is_invalid_mark,
     is_number,
 )
 from anhyst.data.formats.layout import Layout, read_layout
-from anhyst.data.formats.odd_rows import Thousands, has_odd_rows, sort_rows
-from anhyst.data.formats.stamps import seconds_of
+from anhyst.data.formats.odd_rows import ThousandsCheck, classify_rows, has_odd_rows
+from anhyst.data.formats.stamps import seconds_since_first
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
@@ -40,7 +40,7 @@ from anhyst.support.units import join_header
 
 Column = FloatArray | NDArray[np.bool_] | Texts
 
-_BLOCK = 1 << 16
+_BLOCK_ROWS = 1 << 16
 
 
 class TextTable(Layout):
@@ -58,7 +58,7 @@ class TextTable(Layout):
         with self.open() as file:
             file.seek(self.offset)
             lines = itertools.islice(split_lines(file, self), count + _MAX_ODD_ROWS)
-            found = sort_rows(lines, self)
+            found = classify_rows(lines, self)
             rows = [row.fields for row in found if row.is_sample][:count]
         positions = [column.position for column in self.table.columns]
         start, step = self.table.clock
@@ -72,10 +72,12 @@ class TextTable(Layout):
         for n, column in enumerate(self.table.columns):
             for row in heads if column.is_counter else []:
                 row[n] = repr(start + step * float(row[n])) if is_number(row[n]) else row[n]
-        if self.stamp is not None:
-            seconds = seconds_of(Texts.of([row[self.stamp] for row in heads])).tolist()
+        if self.stamp_column is not None:
+            seconds = seconds_since_first(
+                Texts.from_rows([row[self.stamp_column] for row in heads])
+            ).tolist()
             for row, time in zip(heads, seconds, strict=True):
-                row[self.stamp] = repr(time)
+                row[self.stamp_column] = repr(time)
         return heads
 
     def read(
@@ -86,48 +88,52 @@ class TextTable(Layout):
         fields = {
             n: column.position for n, column in enumerate(columns) if column.position is not None
         }
-        stamps = {self.stamp} & {*numbers}
+        stamps = {self.stamp_column} & {*numbers}
         wanted = [n for n in numbers if n in fields and n not in stamps]
         labels = [n for n in {*texts, *stamps} if n in fields and n is not None]
         if not wanted and not labels:
             labels = [next(iter(fields))]  # the rows are counted
-        reader = _Reader(self, tuple(fields[n] for n in wanted), tuple(fields[n] for n in labels))
+        reader = _ColumnReader(
+            self, tuple(fields[n] for n in wanted), tuple(fields[n] for n in labels)
+        )
         digest = hashlib.sha256()
         done = self.offset
         with self.open() as file:
             digest.update(file.read(self.offset))
-            for chunk in _chunks(file, self):
+            for chunk in _read_chunks(file, self):
                 digest.update(chunk)
                 done += len(chunk)
                 reader.feed(chunk)
                 if progress is not None:
                     progress(done, self.size)
-        sha256 = digest.hexdigest() if self.content is None else hash_of(self.path)
+        sha256 = digest.hexdigest() if self.content is None else file_sha256(self.path)
         found = reader.finish()
-        values = {n: reader.store[fields[n]] for n in wanted}
+        values = {n: reader.number_columns[fields[n]] for n in wanted}
         words = {n: found[fields[n]] for n in labels}
-        values |= {n: seconds_of(words[n]) for n in stamps if n is not None}
+        values |= {n: seconds_since_first(words[n]) for n in stamps if n is not None}
         start, step = self.table.clock
         clock = start + step * np.arange(reader.rows)
         values |= {n: clock.astype(np.float64) for n in numbers if n not in fields}
         values |= {n: start + step * values[n] for n in wanted if columns[n].is_counter}
-        words |= {n: Texts.of(list(map(repr, clock.tolist()))) for n in texts if n not in fields}
+        words |= {
+            n: Texts.from_rows(list(map(repr, clock.tolist()))) for n in texts if n not in fields
+        }
         breaks = ((0, self.notes), *(block for block in reader.breaks if block[0]))
         breaks = breaks[:1] if self.table.is_joined else breaks
         return RawColumns(sha256, values, words, (*self.notes, *reader.notes), breaks)
 
-    def where(self, row: int) -> str:
+    def locate_row(self, row: int) -> str:
         """Return the line of a row, both counted from the beginning of the file, rows from 0."""
         with self.open() as file:
             file.seek(self.offset)
-            rows = sort_rows(split_lines(file, self), self)
+            rows = classify_rows(split_lines(file, self), self)
             samples = (found.line for found in rows if found.is_sample)
             return f"{self.path}: line {next(itertools.islice(samples, row, None))}"
 
 
-def open_text(path: Path, least: int) -> TextTable:
+def open_text(path: Path, min_columns: int) -> TextTable:
     """Open a text table of at least ``least`` columns."""
-    return read_layout(path, least, TextTable)
+    return read_layout(path, min_columns, TextTable)
 
 
 def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
@@ -140,7 +146,7 @@ def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
             while header in columns:  # 'I' in A beside 'I_A' without a unit
                 header += "#"
             if values.dtype.kind == "U":
-                columns[header] = Texts.of(values.tolist())
+                columns[header] = Texts.from_rows(values.tolist())
             else:
                 columns[header] = numbers = np.asarray(values, dtype=np.float64)
                 if values.dtype.kind in "iu" and not np.array_equal(numbers, values):
@@ -159,16 +165,16 @@ def write_csv(path: PathLike, columns: Mapping[str, Column]) -> None:
         raise ValueError(f"columns of different lengths: {sorted(lengths)}")
     rows = lengths.pop()
     with atomic_writer(path) as file:
-        file.write(",".join(_quote(header) for header in columns) + "\n")
-        for start in range(0, rows, _BLOCK):
-            stop = min(start + _BLOCK, rows)
-            fields = [_texts_of(column, start, stop) for column in columns.values()]
+        file.write(",".join(_quote_field(header) for header in columns) + "\n")
+        for start in range(0, rows, _BLOCK_ROWS):
+            stop = min(start + _BLOCK_ROWS, rows)
+            fields = [_format_rows(column, start, stop) for column in columns.values()]
             file.write("\n".join(map(",".join, zip(*fields, strict=True))) + "\n")
 
 
-def _texts_of(column: Column, start: int, stop: int) -> list[str]:
+def _format_rows(column: Column, start: int, stop: int) -> list[str]:
     if isinstance(column, Texts):
-        quoted = [_quote(value) for value in column.values]
+        quoted = [_quote_field(value) for value in column.values]
         return [quoted[code] for code in column.codes[start:stop].tolist()]
     if column.dtype == np.bool_:
         return [("0", "1")[value] for value in column[start:stop].tolist()]
@@ -176,7 +182,7 @@ def _texts_of(column: Column, start: int, stop: int) -> list[str]:
     return [repr(value).removesuffix(".0") for value in column[start:stop].tolist()]
 
 
-def _quote(text: str) -> str:
+def _quote_field(text: str) -> str:
     if any(sign in text for sign in ',;"\t\r\n#') or text != text.strip():
         return '"' + text.replace('"', '""') + '"'
     return text
@@ -186,23 +192,23 @@ Labels = NDArray[np.bytes_] | list[str]
 Piece = tuple[FloatArray, list[Labels], int]
 """Numbers of shape (rows, columns), one list of texts a text column, and the count of lines."""
 
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}([ ',.\u00a0\u202f]\d{3})+([.,]\d*)?")
-_CLOCK = re.compile(r"\d+:\d+([.,]\d+)?")
-_CHUNK = 1 << 22
-_SHOWN = 30
+_THOUSANDS_NUMBER = re.compile(r"[+-]?\d{1,3}([ ',.\u00a0\u202f]\d{3})+([.,]\d*)?")
+_MINUTES_AND_SECONDS = re.compile(r"\d+:\d+([.,]\d+)?")
+_CHUNK_BYTES = 1 << 22
+_MAX_SHOWN_LENGTH = 30
 _MAX_ODD_ROWS = 20
 """Rows of statistics and the like that may precede the first samples."""
 
 
-def _chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
+def _read_chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
     """Yield pieces of about 4 MiB that end with a line."""
     rest = b""
-    while block := file.read(_CHUNK):
+    while block := file.read(_CHUNK_BYTES):
         cut = block.rfind(layout.eol) + 1
         if cut:
             yield rest + block[:cut]
             rest = block[cut:]
-        elif len(block) == _CHUNK:
+        elif len(block) == _CHUNK_BYTES:
             raise InputError(
                 f"{layout.path}: holds a line of more than 4 MiB: no text table",
                 code="line-too-long",
@@ -215,18 +221,18 @@ def _chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
 
 def split_lines(file: BinaryIO, layout: Layout) -> Iterator[str]:
     """Yield the lines from the file's present position, without their ends."""
-    for chunk in _chunks(file, layout):
+    for chunk in _read_chunks(file, layout):
         for line in chunk.removesuffix(layout.eol).split(layout.eol):
             yield line.decode(layout.encoding, "replace").rstrip("\r")
 
 
-def shown(field: str) -> str:
+def shorten_field(field: str) -> str:
     """Return a field of a file in a form fit for one line of a message."""
     plain = "".join(sign if sign.isprintable() else "?" for sign in field)
-    return plain if len(plain) <= _SHOWN else plain[: _SHOWN - 3] + "..."
+    return plain if len(plain) <= _MAX_SHOWN_LENGTH else plain[: _MAX_SHOWN_LENGTH - 3] + "..."
 
 
-class _Reader:
+class _ColumnReader:
     """Collects the columns chunk by chunk."""
 
     def __init__(self, layout: Layout, numbers: tuple[int, ...], texts: tuple[int, ...]) -> None:
@@ -234,32 +240,36 @@ class _Reader:
         self.numbers = numbers
         self.texts = texts
         self.names = {column.position: column.name for column in layout.table.columns}
-        self.needed = 1 + max(position for position in self.names if position is not None)
-        self.line = layout.line
+        self.min_fields = 1 + max(position for position in self.names if position is not None)
+        self.line = layout.first_line_number
         self.rows = 0
-        self.store = {index: np.empty(0) for index in numbers}
-        self.labels: dict[int, dict[str, int]] = {index: {} for index in texts}
+        self.number_columns = {index: np.empty(0) for index in numbers}
+        self.text_codes: dict[int, dict[str, int]] = {index: {} for index in texts}
         self.codes: dict[int, list[NDArray[np.int32]]] = {index: [] for index in texts}
         self.notes: list[str] = []
-        self.between: list[str] = []  # remarks since the last row; empty texts for blank lines
+        self.pending_remarks: list[
+            str
+        ] = []  # remarks since the last row; empty texts for blank lines
         self.breaks: list[tuple[int, tuple[str, ...]]] = []
-        self.thousands = Thousands(layout.table.delimiter)
-        self.read = 0
+        self.thousands = ThousandsCheck(layout.table.delimiter)
+        self.bytes_read = 0
 
     def feed(self, chunk: bytes) -> None:
         """Take a chunk of whole lines."""
-        self.read += len(chunk)
+        self.bytes_read += len(chunk)
         layout = self.layout
         if self.thousands.may_occur(chunk):
             for number, line in enumerate(chunk.split(layout.eol), start=self.line):
-                self.thousands.see(number, layout.split(line.decode(layout.encoding, "replace")))
-            self.thousands.refuse(layout.path, self.numbers)
-        fast = None if has_odd_rows(chunk, layout) else self._fast(chunk)
-        values, labels, lines = fast or self._slow(chunk)
+                self.thousands.observe(
+                    number, layout.split(line.decode(layout.encoding, "replace"))
+                )
+            self.thousands.refuse_doubtful(layout.path, self.numbers)
+        fast = None if has_odd_rows(chunk, layout) else self._convert_fast(chunk)
+        values, labels, lines = fast or self._convert_by_line(chunk)
         if values.shape[0]:
             self._append(values)
             for index, texts in zip(self.texts, labels, strict=True):
-                self.codes[index].append(self._encode(index, texts))
+                self.codes[index].append(self._encode_texts(index, texts))
         self.line += lines
 
     def finish(self) -> dict[int, Texts]:
@@ -268,26 +278,26 @@ class _Reader:
             raise InputError(
                 f"{self.layout.path}: has a header but no data; nothing to read", code="no-data"
             )
-        for column in self.store.values():
+        for column in self.number_columns.values():
             column.resize(self.rows, refcheck=False)
         return {
-            index: Texts(tuple(self.labels[index]), np.concatenate(self.codes[index]))
+            index: Texts(tuple(self.text_codes[index]), np.concatenate(self.codes[index]))
             for index in self.texts
         }
 
     def _append(self, values: FloatArray) -> None:
         needed = self.rows + values.shape[0]
         for position, index in enumerate(self.numbers):
-            column = self.store[index]
+            column = self.number_columns[index]
             if needed > column.size:
                 # The rows still to come are about as long as those seen: one growth is the rule.
-                expected = needed / self.read * (self.layout.size - self.layout.offset)
+                expected = needed / self.bytes_read * (self.layout.size - self.layout.offset)
                 column.resize(max(needed, math.ceil(expected * 1.01)), refcheck=False)
             column[self.rows : needed] = values[:, position]
         self.rows = needed
 
-    def _encode(self, index: int, texts: Labels) -> NDArray[np.int32]:
-        known = self.labels[index]
+    def _encode_texts(self, index: int, texts: Labels) -> NDArray[np.int32]:
+        known = self.text_codes[index]
         if isinstance(texts, list):
             return np.array([known.setdefault(text, len(known)) for text in texts], np.int32)
         values, first, inverse = np.unique(texts, return_index=True, return_inverse=True)
@@ -297,7 +307,7 @@ class _Reader:
             codes[at] = known.setdefault(text, len(known))
         return codes[inverse.reshape(-1)]
 
-    def _fast(self, chunk: bytes) -> Piece | None:
+    def _convert_fast(self, chunk: bytes) -> Piece | None:
         """Convert a chunk without a Python loop over its rows, or give up with ``None``."""
         layout = self.layout
         if layout.eol == b"\r" or b"#" in chunk or b"%" in chunk or b'""' in chunk:
@@ -306,14 +316,14 @@ class _Reader:
         if not chunk.endswith(b"\n"):
             chunk += b"\n"
         if layout.table.delimiter is None:
-            return self._fast_blanks(chunk)
+            return self._convert_fast_blanks(chunk)
         sign = layout.table.delimiter.encode()
         data = np.frombuffer(chunk, np.uint8)
         fields = _find_fields(data, ord(sign), layout.table.width)
         if fields is None:
             return None
         starts, stops = fields
-        labels: list[Labels] = [_cut(data, starts[:, n], stops[:, n]) for n in self.texts]
+        labels: list[Labels] = [_cut_texts(data, starts[:, n], stops[:, n]) for n in self.texts]
         order = sorted(self.numbers)
         if sign == b"," and len(order) == layout.table.width:
             text = chunk.replace(b"\n", b",")
@@ -325,14 +335,14 @@ class _Reader:
             piece = rows.tobytes()
             text = piece.replace(sign, b" ").replace(b",", b".").replace(b" ", b",")
             text = text.replace(b"\n", b",")
-        values = _convert(text, ",", starts.shape[0] * len(order))
+        values = _convert_numbers(text, ",", starts.shape[0] * len(order))
         if values is None:
             return None
         table = values.reshape(starts.shape[0], len(order))
         table = table[:, [order.index(index) for index in self.numbers]]
         return table, labels, starts.shape[0]
 
-    def _fast_blanks(self, chunk: bytes) -> Piece | None:
+    def _convert_fast_blanks(self, chunk: bytes) -> Piece | None:
         """Convert a chunk whose columns are all numbers between blanks."""
         if self.texts:
             return None
@@ -344,38 +354,40 @@ class _Reader:
         width = self.layout.table.width
         if np.any(tokens != width):
             return None
-        values = _convert(chunk.replace(b",", b"."), " ", ends.size * width)
+        values = _convert_numbers(chunk.replace(b",", b"."), " ", ends.size * width)
         if values is None:
             return None
         return values.reshape(ends.size, width)[:, list(self.numbers)], [], ends.size
 
-    def _slow(self, chunk: bytes) -> Piece:
+    def _convert_by_line(self, chunk: bytes) -> Piece:
         """Read a chunk line by line and name the line that is at fault."""
         layout = self.layout
         lines = chunk.removesuffix(layout.eol).split(layout.eol)
         texts = (line.decode(layout.encoding, "replace").rstrip("\r") for line in lines)
         rows: list[list[float]] = []
         labels: list[list[str]] = [[] for _ in self.texts]
-        for row in sort_rows(texts, layout, self.line):
+        for row in classify_rows(texts, layout, self.line):
             if not row.is_sample:
                 self.notes += [row.remark] if row.remark else []
-                self.between.append(row.remark)
+                self.pending_remarks.append(row.remark)
                 continue
-            fields = self._fit(row.fields, row.line)
-            rows.append([self._number(fields[index], index, row.line) for index in self.numbers])
+            fields = self._check_field_count(row.fields, row.line)
+            rows.append(
+                [self._parse_number(fields[index], index, row.line) for index in self.numbers]
+            )
             for column, index in zip(labels, self.texts, strict=True):
                 column.append(fields[index])
-            if self.between:
-                self.breaks.append((self.rows + len(rows) - 1, tuple(self.between)))
-                self.between = []
+            if self.pending_remarks:
+                self.breaks.append((self.rows + len(rows) - 1, tuple(self.pending_remarks)))
+                self.pending_remarks = []
         table = np.array(rows, dtype=np.float64).reshape(len(rows), len(self.numbers))
         return table, list[Labels](labels), len(lines)
 
-    def _fit(self, fields: list[str], number: int) -> list[str]:
+    def _check_field_count(self, fields: list[str], number: int) -> list[str]:
         width = self.layout.table.width
         if len(fields) > width and not any(fields[width:]):
             return fields[:width]
-        if len(fields) < width and len(fields) >= self.needed:
+        if len(fields) < width and len(fields) >= self.min_fields:
             return fields
         if len(fields) != width:
             path, count = self.layout.path, len(fields)
@@ -394,7 +406,7 @@ class _Reader:
             )
         return fields
 
-    def _number(self, field: str, index: int, number: int) -> float:
+    def _parse_number(self, field: str, index: int, number: int) -> float:
         comma = "." not in field
         key = self.names[index]
         where = f"{self.layout.path}: line {number}, column '{key}'"
@@ -403,17 +415,17 @@ class _Reader:
                 raise ValueError
             value = float(field.replace(",", ".", 1) if comma else field)
         except ValueError:
-            if is_mark(field):
+            if is_invalid_mark(field):
                 return math.nan
-            text = f"{where}: '{shown(field)}' is not a number; correct or remove the line"
-            if _THOUSANDS.fullmatch(field):
+            text = f"{where}: '{shorten_field(field)}' is not a number; correct or remove the line"
+            if _THOUSANDS_NUMBER.fullmatch(field):
                 text = (
-                    f"{where}: '{shown(field)}' has a separator of thousands; export the numbers "
+                    f"{where}: '{shorten_field(field)}' has a separator of thousands; export the numbers "
                     "without it"
                 )
-            elif _CLOCK.fullmatch(field):
+            elif _MINUTES_AND_SECONDS.fullmatch(field):
                 text = (
-                    f"{where}: '{shown(field)}' is a time without hours; export the times in s, "
+                    f"{where}: '{shorten_field(field)}' is a time without hours; export the times in s, "
                     f'or leave them out: --columns "{key}="'
                 )
             raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key) from None
@@ -421,14 +433,14 @@ class _Reader:
 
 
 def _find_fields(
-    data: NDArray[np.uint8], sign: int, width: int
+    data: NDArray[np.uint8], delimiter: int, width: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
     """Where each field starts and stops, or ``None`` if not every row has ``width`` fields."""
     ends = np.flatnonzero(data == 10)
-    signs = np.flatnonzero(data == sign)
-    if signs.size != ends.size * (width - 1):
+    delimiters = np.flatnonzero(data == delimiter)
+    if delimiters.size != ends.size * (width - 1):
         return None
-    stops = np.concatenate((signs.reshape(ends.size, width - 1), ends[:, None]), axis=1)
+    stops = np.concatenate((delimiters.reshape(ends.size, width - 1), ends[:, None]), axis=1)
     begin = np.concatenate(([0], ends[:-1] + 1))
     if np.any(stops[:, 0] < begin) or (width > 1 and np.any(stops[:, -2] > ends)):
         return None
@@ -436,7 +448,7 @@ def _find_fields(
     return starts, stops
 
 
-def _cut(
+def _cut_texts(
     data: NDArray[np.uint8], starts: NDArray[np.intp], stops: NDArray[np.intp]
 ) -> NDArray[np.bytes_]:
     """Cut one column of text out, as fixed-width byte strings."""
@@ -448,7 +460,7 @@ def _cut(
     return padded.view(f"S{width}").reshape(-1)
 
 
-def _convert(text: bytes, sep: str, count: int) -> FloatArray | None:
+def _convert_numbers(text: bytes, sep: str, count: int) -> FloatArray | None:
     """Convert separated numbers at once; ``None`` if one is missing, odd or no measured value."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # older NumPy warns, newer raises

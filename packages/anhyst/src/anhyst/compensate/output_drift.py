@@ -14,32 +14,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.compensate.force_controller import twin_of
-from anhyst.compensate.paths import Reach
+from anhyst.compensate.force_controller import make_twin
+from anhyst.compensate.paths import OutputRange
 from anhyst.compensate.plan import Plan
 from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
 
-SECONDS, NOISE_SECONDS = 60.0, 10.0
+HOLD_TIME_S, NOISE_TIME_S = 60.0, 10.0
 """For which a demand is held, and for which sensors are noisy or the gap walks at random."""
 
-MOST_RATE = 20_000.0
+MAX_SIMULATED_RATE_HZ = 20_000.0
 """Ticks a second that are simulated at most: faster ones divide the same movements more finely."""
 
-RETURN, LEAST_TICKS = 0.01, 16
+RETURN_PERIOD_S, MIN_RETURN_TICKS = 0.01, 16
 """Seconds after which gap and demand are back at home, exactly, and the ticks of that at least: a
 vibration of 100 Hz, or slower at a slow controller."""
 
-TOGETHER = 20
+RETURNS_PER_BATCH = 20
 """Returns that are computed at once."""
 
-LEVELS = (0.2, 0.5, 0.8)
+DEMAND_LEVELS = (0.2, 0.5, 0.8)
 """Held outputs, in parts of what can be reached."""
 
-AMPLITUDES = (1.0 / 60.0, 1.0 / 6.0)
+VIBRATION_AMPLITUDES = (1.0 / 60.0, 1.0 / 6.0)
 """Of the vibration, in parts of the range of the gap: 5 and 50 um of 0.3 mm."""
 
-WALK = 1.0 / 12.0
+WALK_SPREAD = 1.0 / 12.0
 """Spread of the gap's random walk between two returns, in parts of its range."""
 
 DEMAND_NOISE, GAP_NOISE = 5e-4, 5e-4
@@ -47,17 +47,17 @@ DEMAND_NOISE, GAP_NOISE = 5e-4, 5e-4
 noise, and the sensor's own."""
 
 SEED = 5
-RISE = 100
+APPROACH_RAMP_TICKS = 100
 """Half of the ticks in which a demand rises to where it is held, or rises to the largest and falls."""
 
-_CLOSED = 1e-12
+_STATE_TOLERANCE = 1e-12
 
 Movement = Callable[[np.random.Generator, int], tuple[FloatArray, FloatArray]]
 """From the ticks of one return to what demand and gap move from home, in parts of their ranges."""
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class HeldDemand:
     """One demand that was held."""
 
     title: str  # what moved
@@ -71,106 +71,128 @@ class _Case:
     title: str
     movement: Movement
     seconds: float
-    periodic: bool
-    widest: float = 0.0  # how far the gap goes, in parts of its range
+    is_periodic: bool
+    gap_amplitude: float = 0.0  # how far the gap goes, in parts of its range
 
 
-def hold(plan: Plan) -> list[Held]:
+def measure_drift(plan: Plan) -> list[HeldDemand]:
     """Hold demands under a plan's compensator and let the model say what becomes of the output."""
     return [
-        _hold(plan, plan.builder.reach, case, level)
-        for case in _cases(plan.model.needs_schedule)
-        for level in LEVELS
+        _hold_demand(plan, plan.builder.output_range, case, level)
+        for case in _list_cases(plan.model.needs_schedule)
+        for level in DEMAND_LEVELS
     ]
 
 
-def _cases(moves: bool) -> list[_Case]:
-    noise = _Case("the demand is noisy", _noise, NOISE_SECONDS, False)
-    rest = _Case("nothing moves", lambda _, ticks: (np.zeros(ticks),) * 2, SECONDS, True)
-    if not moves:
-        return [rest, noise]
+def _list_cases(has_gap: bool) -> list[_Case]:
+    noise = _Case("the demand is noisy", _sample_noise, NOISE_TIME_S, False)
+    standstill = _Case("nothing moves", lambda _, ticks: (np.zeros(ticks),) * 2, HOLD_TIME_S, True)
+    if not has_gap:
+        return [standstill, noise]
     vibrations = [
-        _Case(f"the gap vibrates by {part:.2g} of its range", _vibration(part), SECONDS, True, part)
-        for part in AMPLITUDES
+        _Case(
+            f"the gap vibrates by {amplitude:.2g} of its range",
+            _make_vibration(amplitude),
+            HOLD_TIME_S,
+            True,
+            amplitude,
+        )
+        for amplitude in VIBRATION_AMPLITUDES
     ]
-    walk = _Case("the gap walks at random", _walk, NOISE_SECONDS, False, 3.0 * WALK)
-    noise = _Case("demand and gap are noisy", _noise, NOISE_SECONDS, False)
-    return [rest, *vibrations, walk, noise]
+    walk = _Case("the gap walks at random", _sample_walk, NOISE_TIME_S, False, 3.0 * WALK_SPREAD)
+    noise = _Case("demand and gap are noisy", _sample_noise, NOISE_TIME_S, False)
+    return [standstill, *vibrations, walk, noise]
 
 
-def _vibration(part: float) -> Movement:
+def _make_vibration(amplitude: float) -> Movement:
     def movement(_: np.random.Generator, ticks: int) -> tuple[FloatArray, FloatArray]:
-        gap = part * np.sin(2.0 * np.pi * np.arange(1, ticks + 1) / ticks)
+        gap = amplitude * np.sin(2.0 * np.pi * np.arange(1, ticks + 1) / ticks)
         gap[-1] = 0.0
         return np.zeros(ticks), gap
 
     return movement
 
 
-def _walk(random: np.random.Generator, ticks: int) -> tuple[FloatArray, FloatArray]:
+def _sample_walk(random: np.random.Generator, ticks: int) -> tuple[FloatArray, FloatArray]:
     walk = np.cumsum(random.standard_normal(ticks)) / np.sqrt(ticks)
-    bridge = 2.0 * WALK * (walk - walk[-1] * np.arange(1, ticks + 1) / ticks)
-    return np.zeros(ticks), np.clip(bridge, -3.0 * WALK, 3.0 * WALK)
+    bridge = 2.0 * WALK_SPREAD * (walk - walk[-1] * np.arange(1, ticks + 1) / ticks)
+    return np.zeros(ticks), np.clip(bridge, -3.0 * WALK_SPREAD, 3.0 * WALK_SPREAD)
 
 
-def _noise(random: np.random.Generator, ticks: int) -> tuple[FloatArray, FloatArray]:
+def _sample_noise(random: np.random.Generator, ticks: int) -> tuple[FloatArray, FloatArray]:
     demand, gap = random.standard_normal((2, ticks))
     demand[-1] = gap[-1] = 0.0
     return DEMAND_NOISE * demand, GAP_NOISE * gap
 
 
-def _hold(plan: Plan, reach: Reach, case: _Case, level: float) -> Held:
+def _hold_demand(plan: Plan, output_range: OutputRange, case: _Case, level: float) -> HeldDemand:
     """Hold one demand after a rise and after a descent; return the larger drift."""
     scales = plan.block.scales
-    span, home = scales.gap_span, 0.5 * (scales.gap_low + scales.gap_high)
-    farthest = np.array([home - case.widest * span, home, home + case.widest * span])
-    bottom = float(reach.demand(np.zeros(3), farthest, lifted=True).max())
-    top = float(reach.demand(np.ones(3), farthest).min())
+    span, home_gap = scales.gap_span, 0.5 * (scales.gap_low + scales.gap_high)
+    extreme_gaps = np.array(
+        [home_gap - case.gap_amplitude * span, home_gap, home_gap + case.gap_amplitude * span]
+    )
+    bottom = float(output_range.demand(np.zeros(3), extreme_gaps, above_remanence=True).max())
+    top = float(output_range.demand(np.ones(3), extreme_gaps).min())
     demand = bottom + level * (top - bottom)
-    rise = np.linspace(bottom, demand, 2 * RISE)
-    descent = np.concatenate([np.linspace(bottom, top, RISE), np.linspace(top, demand, RISE)])
-    drift = max(_drift(plan, home, case, approach, top - bottom) for approach in (rise, descent))
-    return Held(case.title, demand, case.seconds, drift)
+    ascending = np.linspace(bottom, demand, 2 * APPROACH_RAMP_TICKS)
+    descending = np.concatenate(
+        [
+            np.linspace(bottom, top, APPROACH_RAMP_TICKS),
+            np.linspace(top, demand, APPROACH_RAMP_TICKS),
+        ]
+    )
+    drift = max(
+        _max_drift(plan, home_gap, case, approach, top - bottom)
+        for approach in (ascending, descending)
+    )
+    return HeldDemand(case.title, demand, case.seconds, drift)
 
 
-def _drift(plan: Plan, home: float, case: _Case, approach: FloatArray, height: float) -> float:
+def _max_drift(
+    plan: Plan, home_gap: float, case: _Case, approach: FloatArray, demand_span: float
+) -> float:
     """Return the largest change of the output at home since its first return, in its unit.
 
     A movement that repeats itself ends as soon as everything repeats itself.
     """
     random = np.random.default_rng(SEED)
-    rate = min(plan.request.rate, MOST_RATE)
-    ticks = max(round(RETURN * rate), LEAST_TICKS)
-    pair = _Pair(plan, home)
-    pair.run(approach, np.full(approach.size, home))
+    rate = min(plan.request.rate, MAX_SIMULATED_RATE_HZ)
+    ticks = max(round(RETURN_PERIOD_S * rate), MIN_RETURN_TICKS)
+    pair = _CompensatedModel(plan, home_gap)
+    pair.run(approach, np.full(approach.size, home_gap))
     demand, span = float(approach[-1]), plan.block.scales.gap_span
     first: float | None = None
     drift, memory = 0.0, pair.memory
-    for _ in range(max(round(case.seconds * rate / (TOGETHER * ticks)), 1)):
-        moved, gap = np.hstack([case.movement(random, ticks) for _ in range(TOGETHER)])
-        back = pair.run(demand + height * moved, home + span * gap)[ticks - 1 :: ticks]
-        first = float(back[0]) if first is None else first
-        drift = max(drift, float(np.abs(back - first).max()))
-        if case.periodic and pair.is_back(memory):
+    for _ in range(max(round(case.seconds * rate / (RETURNS_PER_BATCH * ticks)), 1)):
+        demand_change, gap_change = np.hstack(
+            [case.movement(random, ticks) for _ in range(RETURNS_PER_BATCH)]
+        )
+        returned = pair.run(demand + demand_span * demand_change, home_gap + span * gap_change)[
+            ticks - 1 :: ticks
+        ]
+        first = float(returned[0]) if first is None else first
+        drift = max(drift, float(np.abs(returned - first).max()))
+        if case.is_periodic and pair.has_returned(memory):
             break
         memory = pair.memory
     return drift
 
 
-class _Pair:
+class _CompensatedModel:
     """A compensator, and the exact model that gets its currents, both going on where they are."""
 
     def __init__(self, plan: Plan, home: float) -> None:
         self.model: Model = plan.model
-        self.twin = twin_of(plan.still, plan.request.io)
+        self.twin = make_twin(plan.static_block, plan.request.io)
         self.iron = plan.model.iron_at(home if plan.model.needs_schedule else None)
         self.state = np.zeros(plan.model.operator_law.states)
 
     def run(self, demand: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the outputs of the model."""
-        at = gap if self.model.needs_schedule else None
-        current = self.twin.run(demand, at)
-        circuit = self.model.circuit(at, np.zeros(demand.size))
+        used_gap = gap if self.model.needs_schedule else None
+        current = self.twin.run(demand, used_gap)
+        circuit = self.model.circuit(used_gap, np.zeros(demand.size))
         reached, _, self.state, status, _ = self.iron.forward(
             circuit.magnetomotive(current), circuit.rho, np.zeros(demand.size), self.state
         )
@@ -182,7 +204,9 @@ class _Pair:
         """Memory of compensator and model."""
         return np.array(self.twin.memory, dtype=np.float64), self.state.copy()
 
-    def is_back(self, earlier: tuple[FloatArray, FloatArray]) -> bool:
+    def has_returned(self, earlier: tuple[FloatArray, FloatArray]) -> bool:
         """Whether both remember what they remembered then: from there on all repeats itself."""
-        own, exact = self.memory
-        return np.array_equal(own, earlier[0]) and np.allclose(exact, earlier[1], _CLOSED, _CLOSED)
+        twin_memory, model_state = self.memory
+        return np.array_equal(twin_memory, earlier[0]) and np.allclose(
+            model_state, earlier[1], _STATE_TOLERANCE, _STATE_TOLERANCE
+        )

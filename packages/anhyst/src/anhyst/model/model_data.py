@@ -23,30 +23,30 @@ from numpy.typing import ArrayLike
 
 from anhyst.data.output_map import output_map
 from anhyst.data.path import History
-from anhyst.laws import DEFAULT_LAW, LAWS, law_of
+from anhyst.laws import DEFAULT_LAW, LAWS, get_law
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import IronOperator, Law, ParameterSpec
 from anhyst.model import schema
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.parameters import (
-    CIRCUIT,
+    CIRCUIT_SPECS,
     Circuit,
     Curve,
     GapMap,
     Parameter,
     find_problems,
-    specs_of,
+    parameter_specs,
 )
 from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
 
-SHORT_ROW, MOST_ROWS = 1 << 13, 32
+MAX_CACHED_SAMPLES, MAX_CACHED_ROWS = 1 << 13, 32
 """Samples of a row of the scheduling variable, and how many of them, whose look-up is kept."""
 
-MOST_LAYERS = 4
+MAX_COMPILED_LAYERS = 4
 """That a compensator has room for."""
-LEAST_SLOPE = 1e-3
+MIN_SLOPE = 1e-3
 """Of the slope without iron: nearer to a jump, no measured loop and no 16-bit word distinguishes the one
 from the other."""
 
@@ -69,7 +69,7 @@ def _iron(law: Law, layers: Layers | None, *parameters: float) -> IronOperator:
 
 
 @dataclass(frozen=True)
-class ActuatorRecord:
+class ModelData:
     """A complete model: law, parameters, gap map, output map, history, valid range, origin.
 
     Parameters
@@ -167,20 +167,20 @@ class ActuatorRecord:
     @cached_property
     def specs(self) -> Mapping[str, ParameterSpec]:
         """Every parameter by name, in the order of the file."""
-        return specs_of(self.operator_law)
+        return parameter_specs(self.operator_law)
 
     @cached_property
     def operator_law(self) -> Law:
         """The law, with its cells if the model gives them."""
-        return law_of(self.law, self.cells)
+        return get_law(self.law, self.cells)
 
     @property
     def states(self) -> int:
         """Numbers that the iron remembers; all are zero where it is demagnetised."""
-        return self.operator_law.states * (self.layers.memories if self.layers else 1)
+        return self.operator_law.states * (self.layers.state_copies if self.layers else 1)
 
     @cached_property
-    def keys(self) -> schema.Names:
+    def file_keys(self) -> schema.Names:
         """Names of the parameters in a file, bare and with their unit."""
         return schema.parameter_names(self.operator_law, self.input, self.output)
 
@@ -199,7 +199,7 @@ class ActuatorRecord:
         )
 
     @cached_property
-    def fixed_gap_only(self) -> bool:
+    def needs_fixed_gap(self) -> bool:
         """Whether the scheduling variable must hold its value during a run (a ``free`` gap map)."""
         own = {spec.name for spec in self.operator_law.parameters}
         return not own.isdisjoint(self.varying)
@@ -234,16 +234,20 @@ class ActuatorRecord:
         law = self.operator_law
         if self.layers is None or law.cells is None or law.least_slope is None:
             return False
-        if self.layers.count > MOST_LAYERS or self.fixed_gap_only or "gamma" in self.varying:
+        if (
+            self.layers.count > MAX_COMPILED_LAYERS
+            or self.needs_fixed_gap
+            or "gamma" in self.varying
+        ):
             return False
-        return not self.jumps_alone
+        return not self.jumps_without_gap
 
     @property
-    def jumps_alone(self) -> bool:
+    def jumps_without_gap(self) -> bool:
         """Whether the iron would jump without a gap."""
         least = self.operator_law.least_slope
         iron = self.parameters_at(self.first_node)
-        return least is not None and float(least(iron, np.zeros(1)).min()) < LEAST_SLOPE
+        return least is not None and float(least(iron, np.zeros(1)).min()) < MIN_SLOPE
 
     @property
     def valid_range(self) -> schema.ValidRange:
@@ -275,7 +279,7 @@ class ActuatorRecord:
             for name in self.varying
         }
 
-    def over_schedule(self, name: str, at: ArrayLike) -> FloatArray:
+    def interpolate_parameter(self, name: str, at: ArrayLike) -> FloatArray:
         """Return one of :attr:`specs` at values of the scheduling variable; all in SI, shape (n,).
 
         It is an `InputError` to go so far outside the nodes that the parameter leaves its range.
@@ -284,7 +288,7 @@ class ActuatorRecord:
         if name in self.curves and query.size:
             values = self.curves[name](query)
             for extreme in (values.min(), values.max()):
-                if problem := self.specs[name].problem(float(extreme)):
+                if problem := self.specs[name].find_problem(float(extreme)):
                     raise InputError(
                         f"{name} {problem}, in the straight line beyond the nodes "
                         f"{self.nodes[0]:g} to {self.nodes[-1]:g}; stay nearer to them",
@@ -301,7 +305,7 @@ class ActuatorRecord:
         It may be left out where nothing varies, and is an `InputError` to leave out elsewhere.
         """
         at = np.array([self.schedule_or_default(schedule)])
-        return {name: float(self.over_schedule(name, at)[0]) for name in self.specs}
+        return {name: float(self.interpolate_parameter(name, at)[0]) for name in self.specs}
 
     def schedule_or_default(self, schedule: float | None) -> float:
         """Return the scheduling variable, or any where it does not matter; refuse a missing one that does."""
@@ -319,7 +323,7 @@ class ActuatorRecord:
 
     def iron_at(self, schedule: float | None = None) -> IronOperator:
         """Return the iron at a value of the scheduling variable (SI); it keeps no state and may be shared."""
-        if self.fixed_gap_only:
+        if self.needs_fixed_gap:
             return self._iron(self.schedule_or_default(schedule))
         return self._iron_everywhere
 
@@ -329,7 +333,7 @@ class ActuatorRecord:
 
     def _iron(self, schedule: float) -> IronOperator:
         at, law = np.array([schedule]), self.operator_law
-        values = (float(self.over_schedule(spec.name, at)[0]) for spec in law.parameters)
+        values = (float(self.interpolate_parameter(spec.name, at)[0]) for spec in law.parameters)
         return _iron(law, self.layers, *values)
 
     def circuit(self, schedule: FloatArray | None, eddy_rate: FloatArray) -> Circuit:
@@ -338,18 +342,20 @@ class ActuatorRecord:
         if at is None:
             at = np.full(eddy_rate.shape, self.schedule_or_default(None))
         # A search asks for the same short rows again.
-        key, kept = at.tobytes() if at.size <= SHORT_ROW else b"", self._looked_up
-        rows = kept.get(key) or tuple(self.over_schedule(spec.name, at) for spec in CIRCUIT)
+        key, kept = at.tobytes() if at.size <= MAX_CACHED_SAMPLES else b"", self._cached_rows
+        rows = kept.get(key) or tuple(
+            self.interpolate_parameter(spec.name, at) for spec in CIRCUIT_SPECS
+        )
         if key and key not in kept:
             for values in rows:
                 values.flags.writeable = False
-            if len(kept) >= MOST_ROWS:
+            if len(kept) >= MAX_CACHED_ROWS:
                 kept.clear()
             kept[key] = rows
         c_h, rho, gamma, c_out, in_0, out_0 = rows
         return Circuit(c_h, rho, gamma * eddy_rate, c_out, in_0, out_0, output_map(self.output))
 
     @cached_property
-    def _looked_up(self) -> dict[bytes, tuple[FloatArray, ...]]:
+    def _cached_rows(self) -> dict[bytes, tuple[FloatArray, ...]]:
         """Cached parameters by rows of the scheduling variable."""
         return {}

@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 
 from anhyst.identification.cell_kernel import WeightKernel
 from anhyst.identification.fit_records import FitRecords
-from anhyst.identification.objective import Linear, Objective
-from anhyst.identification.response import Local, ResponseForm
-from anhyst.identification.screening import cost_at_gap, scan_gap, starts
+from anhyst.identification.objective import Linearisation, Objective
+from anhyst.identification.response import ParameterSet, ResponseForm
+from anhyst.identification.screening import cost_at_gap, scan_gap, screen_starts
 from anhyst.identification.space import CoordinateSpace
 from anhyst.support.numeric import FloatArray
 
-_PATIENT = 5  # steps after which the pace of a descent says how far it comes
+_MIN_STEPS_TO_EXTRAPOLATE = 5  # steps after which the pace of a descent says how far it comes
 
 
-def _step(linear: Linear, free: NDArray[np.bool_], damping: float) -> FloatArray:
+def _damped_step(linear: Linearisation, free: NDArray[np.bool_], damping: float) -> FloatArray:
     """Damped Gauss-Newton step in the free coordinates, zero in the others."""
     normal = linear.normal[np.ix_(free, free)]
     diagonal = np.diag(normal)
@@ -37,8 +37,8 @@ def _step(linear: Linear, free: NDArray[np.bool_], damping: float) -> FloatArray
     return step
 
 
-def _step_of_weights(
-    linear: Linear, theta: FloatArray, low: FloatArray, damping: float
+def _weight_step(
+    linear: Linearisation, theta: FloatArray, low: FloatArray, damping: float
 ) -> FloatArray:
     """Best damped step above the lower bounds: of many weights most end there, together."""
     from scipy.optimize import nnls
@@ -51,7 +51,7 @@ def _step_of_weights(
 
 
 def descend(
-    objective: Objective, theta: FloatArray, tolerance: float, most: int, goal: float = np.inf
+    objective: Objective, theta: FloatArray, tolerance: float, max_steps: int, goal: float = np.inf
 ) -> tuple[FloatArray, float]:
     """Least squares from a start, within the bounds of the space: coordinates and cost at the end.
 
@@ -64,28 +64,30 @@ def descend(
     """
     low, high = objective.space.bounds
     theta = np.clip(theta, low, high)
-    current = objective.linear(theta)
+    current = objective.linearise(theta)
     damping, growth = 1e-3, 2.0
     by_weights = isinstance(objective.space.form.cells, WeightKernel)
-    for left in range(most - 1, 0, -1):
+    for left in range(max_steps - 1, 0, -1):
         inward = current.gradient
         free = ~(((theta <= low) & (inward > 0.0)) | ((theta >= high) & (inward < 0.0)))
         if not free.any() or not np.any(np.diag(current.normal)[free]):
             break
         if by_weights:
-            step = _step_of_weights(current, theta, low, damping)
+            step = _weight_step(current, theta, low, damping)
         else:
-            step = _step(current, free, damping)
+            step = _damped_step(current, free, damping)
         trial = np.clip(theta + step, low, high)
         step = trial - theta
         foreseen = -float(step @ (2.0 * current.gradient + current.normal @ step))
-        new = objective.worth(trial, current.cost)
+        new = objective.linearise_if_better(trial, current.cost)
         if new is not None:
             gained = current.cost - new.cost
             ratio = gained / max(foreseen, 1e-300)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
             growth = 2.0
-            hopeless = left < most - _PATIENT and new.cost - gained * left > goal
+            hopeless = (
+                left < max_steps - _MIN_STEPS_TO_EXTRAPOLATE and new.cost - gained * left > goal
+            )
             finished = hopeless or gained <= tolerance * current.cost
             theta, current = trial, new
             if finished:
@@ -98,15 +100,22 @@ def descend(
     return theta, current.cost
 
 
-SCREENED = 256
-KEPT = 3
-TIED = frozenset({"circuit", "free"})
+SCREENED_SETS = 256
+MAX_STARTS = 3
+SMOOTHED_MAPS = frozenset({"circuit", "free"})
 """Maps with more to each gap than its loops determine, so that neighbouring gaps are tied."""
 
-TIE = 3e-3  # weight of the ties of such a map, relative to the cost of the fit without them
-COMPARED = (1e-7, 200)  # tolerance and evaluations, at most, of a fit that is compared with others
-TO_END = (1e-8, 50)  # the same of the one that is chosen
-_SHORT = 6  # evaluations of a first descent: enough to distinguish a good valley from a bad one
+SMOOTHNESS_WEIGHT = (
+    3e-3  # weight of the ties of such a map, relative to the cost of the fit without them
+)
+COMPARISON_STOP = (
+    1e-7,
+    200,
+)  # tolerance and evaluations, at most, of a fit that is compared with others
+CONVERGED_STOP = (1e-8, 50)  # the same of the one that is chosen
+_SHORT_DESCENT_STEPS = (
+    6  # evaluations of a first descent: enough to distinguish a good valley from a bad one
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,52 +128,54 @@ class FoundModel:
     evaluations: int
 
     @property
-    def sets(self) -> list[Local]:
+    def parameter_sets(self) -> list[ParameterSet]:
         """Gauge-free parameters at each gap."""
         return [local for local, _ in self.space.unpack(self.theta)]
 
-    def on(self, records: FitRecords) -> FoundModel:
+    def with_records(self, records: FitRecords) -> FoundModel:
         """Take the same parameters to other records of the same gaps."""
         return replace(self, space=replace(self.space, records=records))
 
     @property
-    def tie(self) -> float:
+    def smoothness(self) -> float:
         """Weight of the ties of its map, for a descent that goes on from here."""
-        return TIE * self.cost if self.space.gap_map in TIED else 0.0
+        return SMOOTHNESS_WEIGHT * self.cost if self.space.gap_map in SMOOTHED_MAPS else 0.0
 
 
-def follow(
+def descend_from(
     space: CoordinateSpace,
     theta: FloatArray,
-    tolerance: float = COMPARED[0],
-    most: int = COMPARED[1],
-    tie: float = 0.0,
+    tolerance: float = COMPARISON_STOP[0],
+    max_steps: int = COMPARISON_STOP[1],
+    smoothness: float = 0.0,
     goal: float = np.inf,
 ) -> FoundModel:
     """Descend from a start and count; without a goal in reach (:func:`.descend`) it ends."""
-    objective = Objective(space, tie)
-    end, cost = descend(objective, theta, tolerance, most, goal)
+    objective = Objective(space, smoothness)
+    end, cost = descend(objective, theta, tolerance, max_steps, goal)
     return FoundModel(space, end, cost, objective.evaluations)
 
 
 def search_one_gap(
-    form: ResponseForm, records: FitRecords, seed: int, held: frozenset[str]
+    form: ResponseForm, records: FitRecords, seed: int, fixed: frozenset[str]
 ) -> FoundModel:
     """Fit one gap from scratch."""
-    space = CoordinateSpace("none", records, form, held)
-    return _best_end(space, [[local] for local in starts(space, SCREENED, KEPT, seed)])
+    space = CoordinateSpace("none", records, form, fixed)
+    return _descend_from_best(
+        space, [[local] for local in screen_starts(space, SCREENED_SETS, MAX_STARTS, seed)]
+    )
 
 
-def _best_end(space: CoordinateSpace, begins: list[list[Local]]) -> FoundModel:
+def _descend_from_best(space: CoordinateSpace, starts: list[list[ParameterSet]]) -> FoundModel:
     """Descend a little from each begin, and to the end from the best of them."""
-    most = _SHORT + space.records.gaps
-    tried = [follow(space, space.pack(sets), 1e-4, most) for sets in begins]
-    final = follow(space, min(tried, key=lambda end: end.cost).theta)
+    most = _SHORT_DESCENT_STEPS + space.records.gap_count
+    tried = [descend_from(space, space.pack(sets), 1e-4, most) for sets in starts]
+    final = descend_from(space, min(tried, key=lambda end: end.cost).theta)
     return replace(final, evaluations=final.evaluations + sum(end.evaluations for end in tried))
 
 
 def search_each_gap(
-    form: ResponseForm, records: FitRecords, seed: int, held: frozenset[str]
+    form: ResponseForm, records: FitRecords, seed: int, fixed: frozenset[str]
 ) -> FoundModel:
     """Fit every gap with parameters of its own: the map ``free``.
 
@@ -173,41 +184,53 @@ def search_each_gap(
     (:data:`TIE`): directions that the loops of one gap do not determine would otherwise scatter, and
     nothing could be interpolated.
     """
-    space = CoordinateSpace("free", records, form, held)
-    alone = [search_one_gap(form, records.at(gap), seed, held) for gap in range(records.gaps)]
+    space = CoordinateSpace("free", records, form, fixed)
+    alone = [
+        search_one_gap(form, records.at_gap(gap), seed, fixed) for gap in range(records.gap_count)
+    ]
     home = records.reference_gap
     carried = {home: alone[home]}
-    for gap in [*range(home + 1, records.gaps), *range(home - 1, -1, -1)]:
+    for gap in [*range(home + 1, records.gap_count), *range(home - 1, -1, -1)]:
         neighbour = carried[gap - 1 if gap > home else gap + 1]
-        carried[gap] = follow(alone[gap].space, neighbour.theta, 1e-6, 30)
-    tie = TIE * sum(end.cost for end in alone)
+        carried[gap] = descend_from(alone[gap].space, neighbour.theta, 1e-6, 30)
+    tie = SMOOTHNESS_WEIGHT * sum(end.cost for end in alone)
     ends = [
-        follow(space, space.pack([end.sets[0] for end in ones]), 1e-6, 60, tie)
-        for ones in (alone, [carried[gap] for gap in range(records.gaps)])
+        descend_from(space, space.pack([end.parameter_sets[0] for end in ones]), 1e-6, 60, tie)
+        for ones in (alone, [carried[gap] for gap in range(records.gap_count)])
     ]
     best = min(ends, key=lambda end: end.cost)
     return replace(best, evaluations=sum(end.evaluations for end in (*alone, *ends)))
 
 
 def join_gaps(
-    form: ResponseForm, records: FitRecords, gap_map: str, known: list[Local], held: frozenset[str]
+    form: ResponseForm,
+    records: FitRecords,
+    gap_map: str,
+    starts: list[ParameterSet],
+    fixed: frozenset[str],
 ) -> FoundModel:
     """Fit all gaps together under one map, from what is known at the reference gap."""
-    space = CoordinateSpace(gap_map, records, form, held)
+    space = CoordinateSpace(gap_map, records, form, fixed)
     home = records.reference_gap
     at_gaps = [
-        (known, cost_at_gap(space, gap, known)) if gap == home else scan_gap(space, gap, known)
-        for gap in range(records.gaps)
+        (starts, cost_at_gap(space, gap, starts)) if gap == home else scan_gap(space, gap, starts)
+        for gap in range(records.gap_count)
     ]
     order = np.argsort(np.sum([cost for _, cost in at_gaps], axis=0))
-    return _best_end(space, [[ends[index] for ends, _ in at_gaps] for index in order[:KEPT]])
+    return _descend_from_best(
+        space, [[ends[index] for ends, _ in at_gaps] for index in order[:MAX_STARTS]]
+    )
 
 
 def join_circuit(
-    plain: FoundModel, gap_map: str, common: frozenset[str] = frozenset()
+    reluctance_fit: FoundModel, gap_map: str, common: frozenset[str] = frozenset()
 ) -> FoundModel:
     """Fit all gaps together with one iron, and a circuit around it that takes more than a gap."""
-    old = plain.space
-    space = CoordinateSpace(gap_map, old.records, old.form, old.held, common)
-    end = follow(space, space.pack(plain.sets), tie=TIE * plain.cost if gap_map in TIED else 0.0)
-    return replace(end, evaluations=end.evaluations + plain.evaluations)
+    old = reluctance_fit.space
+    space = CoordinateSpace(gap_map, old.records, old.form, old.fixed, common)
+    end = descend_from(
+        space,
+        space.pack(reluctance_fit.parameter_sets),
+        smoothness=SMOOTHNESS_WEIGHT * reluctance_fit.cost if gap_map in SMOOTHED_MAPS else 0.0,
+    )
+    return replace(end, evaluations=end.evaluations + reluctance_fit.evaluations)

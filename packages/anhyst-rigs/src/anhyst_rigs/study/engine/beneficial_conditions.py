@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-WHERE_IT_PAYS: Mapping[str, str] = MappingProxyType(
+BENEFICIAL_CONDITIONS: Mapping[str, str] = MappingProxyType(
     {
         # A bearing steps behind its position feedback.
         "feedback": "it would pay where feedback does not hide what the force is off: a stage that "

@@ -9,30 +9,30 @@ from typing import ClassVar
 from anhyst.compensate.block import Block, DemandLimits, Kind
 from anhyst.compensate.current_map import fit_ratio
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.methods import HysteresisInverse, bearing_model
+from anhyst.compensate.methods import HysteresisInverse, restrict_model
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
-from anhyst.compilation.controller import BEYOND
+from anhyst.compilation.controller import MAX_CURRENT_RATIO
 from anhyst.data import Loops
 from anhyst.model.actuator import Model
 from anhyst.model.schema import ValidRange
 from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import Progress
-from anhyst_rigs.rig.bearing.loop import BearingSetup, pair_of
+from anhyst_rigs.rig.bearing.loop import BearingSetup, pair_table
 from anhyst_rigs.rig.bench.bearing import BearingBench
 from anhyst_rigs.rig.bench.force import ForceBench
 from anhyst_rigs.rig.bench.piezo import PiezoBench
 from anhyst_rigs.rig.bench.stage import StageBench
 from anhyst_rigs.rig.fitting import IdentifiedMagnet
-from anhyst_rigs.rig.force.file import Rig
-from anhyst_rigs.rig.force.programs import Program, find_model, loops_at
+from anhyst_rigs.rig.force.file import ForceControlRig
+from anhyst_rigs.rig.force.programs import Program, identify_force_model, loops_at_gap
 from anhyst_rigs.rig.measurement_table import identify_loops
 from anhyst_rigs.rig.piezo import PiezoRig
 from anhyst_rigs.rig.stage.loop import Feedforward, StageSetup
 from anhyst_rigs.study.excite.design import Specimen, bearing_specimen, force_specimen
-from anhyst_rigs.study.tracking.beside import BearingLearner, StageLearner
+from anhyst_rigs.study.tracking.online_calibration import BearingCalibrator, StageCalibrator
 
-_SAME_GAP = 1e-6
+_GAP_TOLERANCE = 1e-6
 """Of the range: so far may the ends of the measured gaps be inside those of a board."""
 
 
@@ -50,14 +50,14 @@ class PreparedBearing:
         return self.setup.rig.path
 
     @property
-    def alone(self) -> bool:
+    def has_single_magnet(self) -> bool:
         """Whether one magnet pulls."""
-        return len(self.setup.rig.settings.placed) == 1
+        return len(self.setup.rig.settings.body_magnets) == 1
 
     @property
-    def measured(self) -> Loops:
+    def measured_loops(self) -> Loops:
         """The loops that the rig file names."""
-        return self.setup.rig.measured.read()
+        return self.setup.rig.measured_loops.read()
 
     def with_firmware(self, firmware: Path) -> PreparedBearing:
         """Return the same with a firmware that lies elsewhere."""
@@ -72,10 +72,10 @@ class PreparedBearing:
         """What a better model can be found for: itself."""
         return self
 
-    def open_with_learner(self) -> tuple[BearingBench, BearingLearner]:
+    def open_with_learner(self) -> tuple[BearingBench, BearingCalibrator]:
         """Switch on, with what calibrates the bearing from its motions."""
-        bench, known = self.open(), IdentifiedMagnet(self.measured, self.model)
-        return bench, BearingLearner(self.setup, known, self.words, bench)
+        bench, known = self.open(), IdentifiedMagnet(self.measured_loops, self.model)
+        return bench, BearingCalibrator(self.setup, known, self.compile_words, bench)
 
     def specimen(self) -> Specimen:
         """Return the magnet as it is measured, armature held."""
@@ -96,8 +96,8 @@ class PreparedBearing:
             )
         table, scales = self.setup.controller, running.scales
         gaps = scales.gap_low, scales.gap_high
-        current, force = table.limits.current_high_A, table.force_max(pair_of(self.setup.rig))
-        if model.valid is not None and current > BEYOND * model.valid.input[1]:
+        current, force = table.limits.current_high_A, table.force_max(pair_table(self.setup.rig))
+        if model.valid is not None and current > MAX_CURRENT_RATIO * model.valid.input[1]:
             raise InputError(
                 f"model: was seen up to {model.valid.input[1]:g} A, the controller drives up to "
                 f"{current:g} A; measure further",
@@ -107,36 +107,36 @@ class PreparedBearing:
         request = CompileRequest(
             "simplified" if variant == "simplified" else "full", "q31", table.rate_Hz
         )
-        followed = _followed(model, self.model, request.kind)
-        narrowed = bearing_model(followed, (0.0, current), (0.0, force), gaps)
+        followed = _adapt_to_board(model, self.model, request.kind)
+        narrowed = restrict_model(followed, (0.0, current), (0.0, force), gaps)
         return make_plan(narrowed, request, 0, scales=scales)
 
-    def words(self, model: Model) -> list[int]:
+    def compile_words(self, model: Model) -> list[int]:
         """Compile another model to a block for the running board."""
-        return [int(word) for word in block_of(self.compile(model)).words]
+        return [int(word) for word in fixed_point_block(self.compile(model)).words]
 
 
 @dataclass(frozen=True)
 class ForceRig:
     """An actuator whose force is controlled."""
 
-    whole: Rig  # its magnet is whole
-    measured: Loops  # that the rig file names
+    complete_rig: ForceControlRig  # its magnet is whole
+    measured_loops: Loops  # that the rig file names
 
-    alone: ClassVar[bool] = True
+    has_single_magnet: ClassVar[bool] = True
 
     @property
     def rig(self) -> Path:
         """The rig file."""
-        return self.whole.path
+        return self.complete_rig.path
 
     def specimen(self) -> Specimen:
         """Return the actuator as it is measured, armature held."""
-        return force_specimen(self.whole)
+        return force_specimen(self.complete_rig)
 
     def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
         """Identify a model from loops, as the rig file wants it."""
-        return find_model(self.whole, loops, progress)
+        return identify_force_model(self.complete_rig, loops, progress)
 
 
 @dataclass(frozen=True)
@@ -161,9 +161,9 @@ class PreparedForce(ForceRig):
 
     def open(self) -> ForceBench:
         """Switch on; at rest, before its first tick. To be closed."""
-        bench = ForceBench(self.whole, self.program)
-        settings = self.whole.settings.force
-        ratio = fit_ratio(loops_at(self.measured, settings.end_m), settings.force_max_N)
+        bench = ForceBench(self.complete_rig, self.program)
+        settings = self.complete_rig.settings.force
+        ratio = fit_ratio(loops_at_gap(self.measured_loops, settings.end_m), settings.force_max_N)
         bench.apply({"ratio": 1.0 / float(ratio.ratio[0])})
         return bench
 
@@ -178,9 +178,11 @@ class PreparedForce(ForceRig):
 
     def compile(self, model: Model) -> Plan:
         """Compile another model for the running board."""
-        request = CompileRequest(self.program.kind, "q31", self.whole.settings.timing.rate_Hz)
-        followed = _followed(model, self.model, request.kind)
-        return _plan(followed, request, self.program.scales, self.program.block.limits)
+        request = CompileRequest(
+            self.program.kind, "q31", self.complete_rig.settings.timing.rate_Hz
+        )
+        followed = _adapt_to_board(model, self.model, request.kind)
+        return _make_force_plan(followed, request, self.program.scales, self.program.block.limits)
 
 
 @dataclass(frozen=True)
@@ -202,8 +204,8 @@ class PreparedBoard(ForceRig):
                 code="single-gap",
                 key="model",
             )
-        followed = _followed(model, self.model, self.request.kind)
-        return _plan(followed, self.request, self.scales, self.limits)
+        followed = _adapt_to_board(model, self.model, self.request.kind)
+        return _make_force_plan(followed, self.request, self.scales, self.limits)
 
 
 @dataclass(frozen=True)
@@ -221,10 +223,10 @@ class PreparedStage:
         """Switch on; at rest, before its first tick. To be closed."""
         return StageBench(self.setups, self.gains)
 
-    def open_with_learner(self) -> tuple[StageBench, StageLearner]:
+    def open_with_learner(self) -> tuple[StageBench, StageCalibrator]:
         """Switch on, with what calibrates the stage from its motions."""
         bench = self.open()
-        return bench, StageLearner(self.magnet, bench)
+        return bench, StageCalibrator(self.magnet, bench)
 
 
 @dataclass(frozen=True)
@@ -253,13 +255,13 @@ Improvable = PreparedBearing | PreparedForce | PreparedBoard
 """What a better model can be found for."""
 
 
-def block_of(plan: Plan) -> Block:
+def fixed_point_block(plan: Plan) -> Block:
     """Return the fixed-point parameters of a plan."""
     assert isinstance(plan.block, Block)
     return plan.block
 
 
-def _followed(model: Model, running: Model, kind: Kind) -> Model:
+def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
     """Return what a board follows of a model: layers where it has memories for them."""
     if kind != "full" or running.layers is None or not running.has_layers:
         return model.at_rest
@@ -271,37 +273,39 @@ def _followed(model: Model, running: Model, kind: Kind) -> Model:
             key="model",
         )
     assert model.layers is not None
-    if model.layers.memories > running.layers.memories:
+    if model.layers.state_copies > running.layers.state_copies:
         raise InputError(
-            f"model: {model.layers.memories} memories of its iron, the controller has room for "
-            f"{running.layers.memories}; build the firmware around it",
+            f"model: {model.layers.state_copies} memories of its iron, the controller has room for "
+            f"{running.layers.state_copies}; build the firmware around it",
             code="too-many-layers",
             key="model",
         )
     return model
 
 
-def _plan(model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits) -> Plan:
+def _make_force_plan(
+    model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits
+) -> Plan:
     """Plan a model of a force for what a board works with."""
     valid = ValidRange(
-        _within(model.valid_range.input, limits.current),
-        _within(model.valid_range.output, limits.demand),
-        _covering(model, scales),
+        _intersect_ranges(model.valid_range.input, limits.current),
+        _intersect_ranges(model.valid_range.output, limits.demand),
+        _covered_gaps(model, scales),
     )
     return make_plan(replace(model, valid=valid), request, 0, scales=scales)
 
 
-def _within(seen: tuple[float, float], board: tuple[float, float]) -> tuple[float, float]:
+def _intersect_ranges(seen: tuple[float, float], board: tuple[float, float]) -> tuple[float, float]:
     return max(seen[0], board[0]), min(seen[1], board[1])
 
 
-def _covering(model: Model, scales: Scales) -> tuple[float, float] | None:
+def _covered_gaps(model: Model, scales: Scales) -> tuple[float, float] | None:
     """Return the gaps of a board, which the model must have been identified over."""
     if not model.needs_schedule:
         return None if model.valid is None else model.valid.schedule
     low, high = scales.gap_low, scales.gap_high
     seen = None if model.valid is None else model.valid.schedule
-    spare = _SAME_GAP * (high - low)
+    spare = _GAP_TOLERANCE * (high - low)
     if seen is None or seen[0] > low + spare or seen[1] < high - spare:
         known = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
         raise InputError(

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.compensate import holding
+from anhyst.compensate import output_drift
 from anhyst.compensate.block import Block
-from anhyst.compensate.force_controller import FixedTwin, Io, twin_of
-from anhyst.compensate.holding import Held, hold
-from anhyst.compensate.measure import exact_output
-from anhyst.compensate.paths import Path as Way
+from anhyst.compensate.force_controller import FixedTwin, Io, make_twin
+from anhyst.compensate.measure import predict_output
+from anhyst.compensate.output_drift import HeldDemand, measure_drift
+from anhyst.compensate.paths import DemandPath as Way
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.data.clean import ReadOptions
 from anhyst.identification import identify
@@ -44,15 +44,15 @@ def plan_of(name: str, *, dead_band: bool = True, kind: str = "full", io: Io = "
     return make_plan(model_of(name, dead_band=dead_band), request, 0)
 
 
-def worst(plan: Plan, held: list[Held] | None = None) -> float:
-    return max(one.drift for one in held or hold(plan)) / plan.largest
+def worst(plan: Plan, held: list[HeldDemand] | None = None) -> float:
+    return max(one.drift for one in held or measure_drift(plan)) / plan.reference_output
 
 
 def off(plan: Plan, demand: FloatArray, gap: FloatArray) -> FloatArray:
     """Output minus demand along a path, in parts of the largest output."""
-    current = twin_of(plan.block, plan.request.io).run(demand, gap)
+    current = make_twin(plan.block, plan.request.io).run(demand, gap)
     path = Way("held", "held", demand, gap)
-    return np.asarray((exact_output(plan.model, current, path) - demand) / plan.largest)
+    return np.asarray((predict_output(plan.model, current, path) - demand) / plan.reference_output)
 
 
 @pytest.mark.slow
@@ -72,12 +72,12 @@ def test_a_force_is_held_while_the_gap_vibrates(name: str, force: float, swing: 
 def test_demand_and_gap_walking_together_stay_within_the_accuracy() -> None:
     plan = plan_of("electromagnet")
     scales = plan.block.scales
-    reach = plan.builder.reach
+    reach = plan.builder.output_range
     random = np.random.default_rng(7)
     walks = 0.5 + np.cumsum(random.normal(0.0, 0.002, (2, 100_000)), axis=1)
     places = np.abs((walks + 1.0) % 2.0 - 1.0)
     gap = scales.gap_low + (scales.gap_high - scales.gap_low) * places[0]
-    demand = reach.demand(places[1], gap, lifted=True)
+    demand = reach.demand(places[1], gap, above_remanence=True)
     assert np.abs(off(plan, demand, gap)).max() < WANTED
 
 
@@ -91,10 +91,10 @@ def test_the_dead_band_of_an_identified_model_holds_an_output(io: Io) -> None:
 @pytest.mark.slow
 def test_without_a_dead_band_it_creeps_away() -> None:
     plan = plan_of("electromagnet", dead_band=False)
-    held = hold(plan)
+    held = measure_drift(plan)
     assert worst(plan, held) > 5e-3
     still = [one.drift for one in held if one.title == "nothing moves"]
-    assert len(still) == len(holding.LEVELS)
+    assert len(still) == len(output_drift.DEMAND_LEVELS)
     assert max(still) == 0.0
     assert worst(plan_of("electromagnet", kind="simplified")) > 1e-3
 
@@ -114,11 +114,11 @@ def test_nothing_is_lost_by_ending_where_all_repeats_itself(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     plan = plan_of("electromagnet")
-    short = hold(plan)
-    monkeypatch.setattr(holding._Pair, "is_back", lambda *_: False)
-    for one, other in zip(short, hold(plan), strict=True):
+    short = measure_drift(plan)
+    monkeypatch.setattr(output_drift._CompensatedModel, "has_returned", lambda *_: False)
+    for one, other in zip(short, measure_drift(plan), strict=True):
         assert one.title == other.title
-        assert one.drift == pytest.approx(other.drift, abs=1e-9 * plan.largest)
+        assert one.drift == pytest.approx(other.drift, abs=1e-9 * plan.reference_output)
 
 
 @pytest.mark.parametrize("io", ["q15", "q31"])

@@ -11,25 +11,25 @@ from pathlib import PurePath
 import numpy as np
 
 from anhyst.data.loops import Loop, Loops
-from anhyst.data.path import Branch, branches, crossings, repeats
+from anhyst.data.path import Branch, find_branches, find_crossings, find_repeats
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 
-_LEVELS = np.linspace(0.4, 0.95, 12)
+_LEVEL_SHARES = np.linspace(0.4, 0.95, 12)
 """Inputs at which two loops are compared, in parts of the smaller one's largest input."""
-_MIN_DIFFERENCE = 0.05
+_MIN_BRANCH_DISTANCE = 0.05
 """Distance between the branches of two loops, in parts of the output, from which they differ."""
-_MIN_MIDDLE_DIFFERENCE = 0.08
+_MIN_MIDDLE_DISTANCE = 0.08
 """The same for the middles of the branches, of loops between the same inputs at the same speed."""
 _MAX_END_DIFFERENCE = 0.03
 _MAX_SPEED_RATIO = 1.5
-_MAX_TOP_DIFFERENCE = 0.25
+_MAX_TIP_DIFFERENCE = 0.25
 """Difference between the outputs at the largest input of two cycles, in parts of the larger one."""
-_NEAR_TOP = 0.97
-_MIN_TOP = 0.2
+_TIP_SHARE = 0.97
+_MIN_TIP_SHARE = 0.2
 """Smallest output at the tip of a cycle that is compared, as a share of the largest output."""
-_OUTPUTS = ("force", "thrust", "flux_density", "flux_linkage")
+_CHECKED_OUTPUTS = ("force", "thrust", "flux_density", "flux_linkage")
 
 
 def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
@@ -38,7 +38,7 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
     sources = {(loop.source, loop.label if has_blocks else "") for loop in loopset.loops}
     if loopset.schedule == QUANTITIES["gap"] or loopset.input.name == "field":
         return
-    if loopset.output.name not in _OUTPUTS:
+    if loopset.output.name not in _CHECKED_OUTPUTS:
         return
     if loopset.schedule is None:
         _refuse_different_cycles(loopset)
@@ -47,7 +47,7 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
     largest: dict[float | None, Loop] = {}
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.max(np.abs(loop.input)))):
         other = largest.setdefault(loop.schedule_value, loop)
-        if has_blocks and loop.source == other.source and _differ(loop, other):
+        if has_blocks and loop.source == other.source and _are_apart(loop, other):
             raise InputError(
                 f"{loop.source}: blank lines, remarks or invalid rows separate {len(sources)} "
                 f"blocks, which hold different loops of the same quantities without a gap "
@@ -57,7 +57,7 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
                 code="gap-missing",
                 key="gap",
             )
-        if loop.source != other.source and _differ(loop, other):
+        if loop.source != other.source and _are_apart(loop, other):
             names = " and ".join(PurePath(one.source).name for one in (other, loop))
             raise InputError(
                 f"{loop.source}: the {len(files)} files hold different loops of the same "
@@ -72,15 +72,15 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
 def _refuse_different_cycles(loopset: Loops) -> None:
     """Ask for the gap if cycles of one record end at different outputs for the same input."""
     for loop in loopset.loops:
-        for first, second in repeats(loop.input, branches(loop.input)):
-            tops = [_top(loop, branch) for branch in (first, second)]
-            size = max(map(abs, tops))
-            if size < _MIN_TOP * float(np.max(np.abs(loop.output))):
+        for first, second in find_repeats(loop.input, find_branches(loop.input)):
+            tip_outputs = [_tip_output(loop, branch) for branch in (first, second)]
+            size = max(map(abs, tip_outputs))
+            if size < _MIN_TIP_SHARE * float(np.max(np.abs(loop.output))):
                 continue  # a small cycle, whose tip the noise or a ripple moves
-            if abs(tops[1] - tops[0]) > _MAX_TOP_DIFFERENCE * size:
+            if abs(tip_outputs[1] - tip_outputs[0]) > _MAX_TIP_DIFFERENCE * size:
                 raise InputError(
-                    f"{loop.source}: loop '{loop.label}' holds cycles that reach {tops[0]:.3g} and "
-                    f"{tops[1]:.3g} {loopset.output.unit} at the same input, which no hysteresis "
+                    f"{loop.source}: loop '{loop.label}' holds cycles that reach {tip_outputs[0]:.3g} and "
+                    f"{tip_outputs[1]:.3g} {loopset.output.unit} at the same input, which no hysteresis "
                     "explains; state the gap of each in a column 'gap_mm', or number the loops in a "
                     "column 'loop'; if there is no gap: --schedule none",
                     code="gap-missing",
@@ -88,32 +88,32 @@ def _refuse_different_cycles(loopset: Loops) -> None:
                 )
 
 
-def _top(loop: Loop, branch: Branch) -> float:
+def _tip_output(loop: Loop, branch: Branch) -> float:
     """Return the output where a branch has its largest input."""
     drive = np.abs(loop.input[branch.rows])
-    return float(np.median(loop.output[branch.rows][drive >= _NEAR_TOP * drive.max()]))
+    return float(np.median(loop.output[branch.rows][drive >= _TIP_SHARE * drive.max()]))
 
 
-def _differ(loop: Loop, larger: Loop) -> bool:
+def _are_apart(loop: Loop, larger: Loop) -> bool:
     """Whether two loops lie apart almost everywhere, as no history and no speed explains."""
     sign = 1.0 if float(loop.input.max()) >= -float(loop.input.min()) else -1.0
-    between, middles = [], []
-    for level in float((sign * loop.input).max()) * _LEVELS:
+    distances, middles = [], []
+    for level in float((sign * loop.input).max()) * _LEVEL_SHARES:
         pair = [_outputs_at(one, sign, level) for one in (loop, larger)]
         if pair[0].size == 0 or pair[1].size == 0:
             continue
         (low, high), (other_low, other_high) = [(float(p.min()), float(p.max())) for p in pair]
         size = max(abs(low), abs(high), abs(other_low), abs(other_high)) or 1.0
-        between.append(max(0.0, low - other_high, other_low - high) / size)
+        distances.append(max(0.0, low - other_high, other_low - high) / size)
         middles.append(abs(low + high - other_low - other_high) / (2.0 * size))
-    if not between:
+    if not distances:
         return False
-    if float(np.median(between)) > _MIN_DIFFERENCE:
+    if float(np.median(distances)) > _MIN_BRANCH_DISTANCE:
         return True
-    return _are_alike(loop, larger) and float(np.median(middles)) > _MIN_MIDDLE_DIFFERENCE
+    return _are_comparable(loop, larger) and float(np.median(middles)) > _MIN_MIDDLE_DISTANCE
 
 
-def _are_alike(loop: Loop, other: Loop) -> bool:
+def _are_comparable(loop: Loop, other: Loop) -> bool:
     """Whether two loops run between the same inputs at the same speed: then they are comparable."""
     ends = [(float(one.input.min()), float(one.input.max())) for one in (loop, other)]
     span = ends[1][1] - ends[1][0]
@@ -130,5 +130,5 @@ def _are_alike(loop: Loop, other: Loop) -> bool:
 def _outputs_at(loop: Loop, sign: float, level: float) -> FloatArray:
     drive = sign * loop.input
     return np.concatenate(
-        [crossings(drive, loop.output, level, rising=rising) for rising in (True, False)]
+        [find_crossings(drive, loop.output, level, rising=rising) for rising in (True, False)]
     )

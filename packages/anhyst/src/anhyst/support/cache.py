@@ -41,39 +41,39 @@ from anhyst.support.atomic import (
     write_error,
 )
 from anhyst.support.errors import InputError
-from anhyst.support.jobs import cores
-from anhyst.support.registry import packages_that_add
+from anhyst.support.jobs import core_count
+from anhyst.support.registry import plugin_paths
 
 T = TypeVar("T")
 
-MOST = 200
+MAX_CACHED_RESULTS = 200
 """Results of a kind that are kept, of 10 to 100 kilobytes each; those not used for longest go."""
 
-_SEAL = hashlib.sha256().digest_size
+_DIGEST_BYTES = hashlib.sha256().digest_size
 
 
-def kept(kind: str, make: Callable[[], T], *inputs: object) -> T:
+def cached_result(kind: str, make: Callable[[], T], *inputs: object) -> T:
     """Return what `make` makes of these inputs, from the cache where it was made before."""
-    digest = hashlib.sha256(computed_with())
-    _take(digest, inputs)
+    digest = hashlib.sha256(code_digest())
+    _update_digest(digest, inputs)
     path = cache_folder(kind) / digest.hexdigest()
-    value: T | None = load(path)
+    value: T | None = load_cached(path)
     if value is None:
         value = make()
         with suppress(OSError, InputError):  # without a cache it is computed each time
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            write_bytes(path, sealed(value))
-            forget(path.parent, MOST)
+            write_bytes(path, pickle_with_digest(value))
+            remove_oldest(path.parent, MAX_CACHED_RESULTS)
     return value
 
 
-def sealed(value: object) -> bytes:
+def pickle_with_digest(value: object) -> bytes:
     """Return what is written of a value: a hash first, so that damage shows."""
     content = pickle.dumps(value)
     return hashlib.sha256(content).digest() + content
 
 
-def load(file: Path) -> Any:
+def load_cached(file: Path) -> Any:
     """Return what is kept at a place, if it is there, undamaged and one's own; None otherwise."""
     try:
         if hasattr(os, "getuid"):
@@ -82,36 +82,36 @@ def load(file: Path) -> Any:
                 return None
         content = file.read_bytes()
         os.utime(file)
-        seal, content = content[:_SEAL], content[_SEAL:]
-        return pickle.loads(content) if hashlib.sha256(content).digest() == seal else None
+        stored_digest, content = content[:_DIGEST_BYTES], content[_DIGEST_BYTES:]
+        return pickle.loads(content) if hashlib.sha256(content).digest() == stored_digest else None
     except (OSError, MemoryError, pickle.UnpicklingError, AttributeError, ImportError, ValueError):
         return None
 
 
-def forget(folder: Path, most: int) -> None:
+def remove_oldest(folder: Path, max_entries: int) -> None:
     """Leave those things in a folder that were used last."""
-    known = [path for path in folder.iterdir() if not path.name.startswith(".")]
-    for old in sorted(known, key=lambda path: path.stat().st_mtime)[:-most]:
+    entries = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    for old in sorted(entries, key=lambda path: path.stat().st_mtime)[:-max_entries]:
         shutil.rmtree(old, ignore_errors=True) if old.is_dir() else old.unlink(missing_ok=True)
 
 
 @lru_cache(maxsize=1)
-def computed_with() -> bytes:
+def code_digest() -> bytes:
     """Return a hash of what computes here."""
-    about = f"{platform.node()} {sys.version} {np.__version__} {scipy.__version__}"
-    digest = hashlib.sha256(about.encode())
-    places = {Path(__file__).resolve().parents[1], contract_folder(), *packages_that_add()}
-    every = (
-        path for place in places for path in (place.rglob("*.*") if place.is_dir() else [place])
+    versions = f"{platform.node()} {sys.version} {np.__version__} {scipy.__version__}"
+    digest = hashlib.sha256(versions.encode())
+    roots = {Path(__file__).resolve().parents[1], contract_folder(), *plugin_paths()}
+    files = (
+        path for place in roots for path in (place.rglob("*.*") if place.is_dir() else [place])
     )
-    sources = (path for path in every if path.suffix in {".py", ".j2", ".toml"})
+    sources = (path for path in files if path.suffix in {".py", ".j2", ".toml"})
     for path in (Path(_native.__file__), *sorted(sources)):
         digest.update(f"\0{path}\0".encode())
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.digest()
 
 
-def _take(digest: Any, value: object) -> None:
+def _update_digest(digest: Any, value: object) -> None:
     """Let a value count: equal ones alike, whatever else was made of them before."""
     digest.update(f"\0{type(value).__qualname__}\0".encode())
     if isinstance(value, np.ndarray):
@@ -119,14 +119,14 @@ def _take(digest: Any, value: object) -> None:
     elif isinstance(value, Enum | str | bytes | int | float | Path | None):
         digest.update(repr(value).encode())
     elif isinstance(value, BaseModel):
-        _take(digest, dict(value))
+        _update_digest(digest, dict(value))
     elif is_dataclass(value):
-        _take(digest, {field.name: getattr(value, field.name) for field in fields(value)})
+        _update_digest(digest, {field.name: getattr(value, field.name) for field in fields(value)})
     elif isinstance(value, Mapping):
-        _take(digest, tuple(value.items()))
+        _update_digest(digest, tuple(value.items()))
     elif isinstance(value, tuple | list):
         for item in value:
-            _take(digest, item)
+            _update_digest(digest, item)
         digest.update(f"\0{len(value)}".encode())
     else:
         raise TypeError(f"{type(value).__qualname__} has no contents that could be compared")
@@ -143,32 +143,33 @@ class ResultsFile:
         path: PathLike,
         header: Mapping[str, Any],
         key: str,
-        fault: Callable[[Mapping[str, Any]], str | None],
+        find_fault: Callable[[Mapping[str, Any]], str | None],
     ) -> None:
         self.path = Path(path)
-        self._key, self._fault = key, fault
+        self._key, self._find_fault = key, find_fault
         self.done: dict[int, dict[str, Any]] = {}
         if not self.path.exists():
-            write_bytes(self.path, _line(header).encode())
+            write_bytes(self.path, _json_line(header).encode())
         try:
             content = self.path.read_bytes()
-            whole = content.rfind(b"\n") + 1
-            self._read(content[:whole], header)
-            if whole < len(content):
-                os.truncate(self.path, whole)
+            complete_bytes = content.rfind(b"\n") + 1
+            self._read(content[:complete_bytes], header)
+            if complete_bytes < len(content):
+                os.truncate(self.path, complete_bytes)
             self._stream: IO[str] = self.path.open("a", encoding="utf-8", newline="")
         except OSError as error:
             raise write_error(self.path, error) from error
 
     def _read(self, content: bytes, header: Mapping[str, Any]) -> None:
         rows = content.splitlines()
-        self._check(self._parse(rows[0], 1) if rows else {}, header)
+        self._check_header(self._parse(rows[0], 1) if rows else {}, header)
         for number, row in enumerate(rows[1:], start=2):
             result = self._parse(row, number)
-            wrong = self._fault(result)
-            if wrong is not None:
+            fault = self._find_fault(result)
+            if fault is not None:
                 raise InputError(
-                    f"{self.path}: line {number}: {wrong}; {_AGAIN}", code="damaged-results"
+                    f"{self.path}: line {number}: {fault}; {_REMOVE_LINE_ADVICE}",
+                    code="damaged-results",
                 )
             self.done[result[self._key]] = result
 
@@ -179,18 +180,21 @@ class ResultsFile:
             entry = None
         if not isinstance(entry, dict):
             raise InputError(
-                f"{self.path}: line {number}: cannot be read; {_OTHER}", code="damaged-results"
+                f"{self.path}: line {number}: cannot be read; {_OTHER_FILE_ADVICE}",
+                code="damaged-results",
             )
         return entry
 
-    def _check(self, kept_settings: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
+    def _check_header(
+        self, stored_settings: Mapping[str, Any], settings: Mapping[str, Any]
+    ) -> None:
         for name, value in settings.items():
-            stored = kept_settings.get(name)
+            stored = stored_settings.get(name)
             if stored != json.loads(json.dumps(value)):
-                text = f"is {_short(stored)} in the file and {_short(value)} now"
+                text = f"is {_shorten(stored)} in the file and {_shorten(value)} now"
                 raise InputError(
                     f"{self.path}: line 1: {name}: {text}, its results belong to something else; "
-                    f"{_OTHER}",
+                    f"{_OTHER_FILE_ADVICE}",
                     code="other-results",
                     key=name,
                 )
@@ -199,7 +203,7 @@ class ResultsFile:
         """Append a result; it is on its way to the disk when this returns."""
         self.done[result[self._key]] = dict(result)
         try:
-            self._stream.write(_line(result))
+            self._stream.write(_json_line(result))
             self._stream.flush()
         except OSError as error:
             raise write_error(self.path, error) from error
@@ -211,33 +215,33 @@ class ResultsFile:
         self._stream.close()
 
 
-_OTHER = "name another file or remove this one"
-_AGAIN = "remove this line, so that its work is done again, or name another file"
+_OTHER_FILE_ADVICE = "name another file or remove this one"
+_REMOVE_LINE_ADVICE = "remove this line, so that its work is done again, or name another file"
 
 
-def _line(row: Mapping[str, Any]) -> str:
+def _json_line(row: Mapping[str, Any]) -> str:
     return json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _short(value: Any) -> str:
+def _shorten(value: Any) -> str:
     text = json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 24 else f"{text[:12]}..."
 
 
-MOST_OBJECTS = 4000
+MAX_CACHED_OBJECTS = 4000
 """Objects that are kept with their messages, of ten to a hundred kilobytes each."""
 
-Run = Callable[[Sequence[str]], str]
+RunCompiler = Callable[[Sequence[str]], str]
 """Runs a compiler, refuses what it refuses, and returns what it complains about."""
 
 
 def compile_and_link(
     compiler: Sequence[str],
     options: Sequence[str],
-    search: Sequence[str],
+    include_options: Sequence[str],
     sources: Sequence[Path],
-    ending: Sequence[str],
-    run: Run,
+    link_options: Sequence[str],
+    run: RunCompiler,
 ) -> list[str]:
     """Compile what is not kept and link it all; return all complaints.
 
@@ -246,51 +250,54 @@ def compile_and_link(
     """
     program = shutil.which(compiler[0])
     if program is None or compiler[0] == sys.executable:  # zig's, which keeps objects itself
-        return [run([*compiler, *options, *search, *map(str, sources), *ending])]
-    about = Path(program).stat()
-    identity = f"{Path(program).resolve()} {about.st_size} {about.st_mtime_ns}"
-    own = [*compiler, *(option for option in options if not option.startswith("-Wl,"))]
-    command, key = [*own, *search], "\0".join([identity, *own])
+        return [run([*compiler, *options, *include_options, *map(str, sources), *link_options])]
+    program_stat = Path(program).stat()
+    identity = f"{Path(program).resolve()} {program_stat.st_size} {program_stat.st_mtime_ns}"
+    compile_command = [*compiler, *(option for option in options if not option.startswith("-Wl,"))]
+    command, key = [*compile_command, *include_options], "\0".join([identity, *compile_command])
     with (
         tempfile.TemporaryDirectory(prefix="anhyst-") as scratch,
-        ThreadPoolExecutor(cores()) as pool,
+        ThreadPoolExecutor(core_count()) as pool,
     ):
         objects = [Path(scratch, f"{number}.o") for number in range(len(sources))]
         messages = list(pool.map(partial(_compile, command, key, run), sources, objects))
-        return [*messages, run([*compiler, *options, *map(str, objects), *ending])]
+        return [*messages, run([*compiler, *options, *map(str, objects), *link_options])]
 
 
-def _compile(command: Sequence[str], key: str, run: Run, source: Path, target: Path) -> str:
+def _compile(command: Sequence[str], key: str, run: RunCompiler, source: Path, target: Path) -> str:
     """Compile a source or take its object from the cache; return the compiler's messages."""
-    text = target.with_suffix(".i")
-    run([*command, "-E", "-P", str(source), "-o", str(text)])
-    digest = hashlib.sha256(key.encode() + b"\0" + text.read_bytes()).hexdigest()
-    kept = cache_folder("objects") / f"{digest}.o"
-    messages_at = kept.with_suffix(".txt")
+    preprocessed = target.with_suffix(".i")
+    run([*command, "-E", "-P", str(source), "-o", str(preprocessed)])
+    digest = hashlib.sha256(key.encode() + b"\0" + preprocessed.read_bytes()).hexdigest()
+    cached_object = cache_folder("objects") / f"{digest}.o"
+    messages_path = cached_object.with_suffix(".txt")
     with suppress(OSError):
-        messages = messages_at.read_text(encoding="utf-8")
-        shutil.copyfile(kept, target)
-        kept.touch()
-        messages_at.touch()
+        messages = messages_path.read_text(encoding="utf-8")
+        shutil.copyfile(cached_object, target)
+        cached_object.touch()
+        messages_path.touch()
         return messages
     messages = run([*command, "-c", str(source), "-o", str(target)])
     with suppress(OSError):  # without a cache it is compiled each time
-        kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".", dir=kept.parent) as draft:
+        cached_object.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".", dir=cached_object.parent) as draft:
             # Each whole or not at all; the compiler's messages first.
-            for place, part in ((messages_at, messages.encode()), (kept, target.read_bytes())):
-                Path(draft, place.name).write_bytes(part)
-                Path(draft, place.name).replace(place)
+            for destination, content in (
+                (messages_path, messages.encode()),
+                (cached_object, target.read_bytes()),
+            ):
+                Path(draft, destination.name).write_bytes(content)
+                Path(draft, destination.name).replace(destination)
         # Looking through all of them takes longer than most compilations.
-        if kept.name.startswith("00"):
-            forget(kept.parent, 2 * MOST_OBJECTS)
+        if cached_object.name.startswith("00"):
+            remove_oldest(cached_object.parent, 2 * MAX_CACHED_OBJECTS)
     return messages
 
 
-LONGEST = 31
-UNNAMED = "actuator"
+MAX_NAME_LETTERS = 31
+DEFAULT_NAME = "actuator"
 
-_NAME = re.compile(rf"[a-z][a-z0-9_]{{0,{LONGEST - 1}}}")
+_NAME_PATTERN = re.compile(rf"[a-z][a-z0-9_]{{0,{MAX_NAME_LETTERS - 1}}}")
 
 
 def c_name(text: str) -> str:
@@ -301,15 +308,15 @@ def c_name(text: str) -> str:
     """
     words = re.findall(r"[a-z0-9]+", text.lower())
     if not words or words[0][0].isdigit():
-        words.insert(0, UNNAMED)
-    return "_".join(words)[:LONGEST].rstrip("_")
+        words.insert(0, DEFAULT_NAME)
+    return "_".join(words)[:MAX_NAME_LETTERS].rstrip("_")
 
 
-def check_name(name: str) -> None:
+def check_c_name(name: str) -> None:
     """Refuse what cannot begin the names of an actuator's C."""
-    if not _NAME.fullmatch(name):
+    if not _NAME_PATTERN.fullmatch(name):
         raise InputError(
-            f"--name: '{name}' is no name; give up to {LONGEST} small letters, digits and "
+            f"--name: '{name}' is no name; give up to {MAX_NAME_LETTERS} small letters, digits and "
             "underscores, a letter first",
             code="bad-name",
             key="--name",

@@ -25,67 +25,72 @@ def read_files(
 ) -> tuple[BodyRig, ControllerFile]:
     """Read a rig file and a controller file, which lies beside it if it is not named."""
     rig = read_bearing(rig_path)
-    return rig, controller_of(rig, controller_path)
+    return rig, read_bearing_controller(rig, controller_path)
 
 
-def controller_of(rig: BodyRig, path: PathLike | None) -> ControllerFile:
+def read_bearing_controller(rig: BodyRig, path: PathLike | None) -> ControllerFile:
     """Read the controller file of a bearing, which lies beside the rig file if it is not named."""
     return read_controller(rig.path.parent / "controller.toml" if path is None else path)
 
 
-def files_of_bearing(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
+def list_bearing_files(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
     """Return rig file and controller file, and all files that they name."""
-    return _files(*read_files(rig_path, controller_path))
+    return _named_files(*read_files(rig_path, controller_path))
 
 
-def _files(rig: BodyRig, controller: ControllerFile) -> list[Path]:
-    measured, of_rig = rig.measured, [rig.path, rig.model, rig.flux_table, rig.calibration]
+def _named_files(rig: BodyRig, controller: ControllerFile) -> list[Path]:
+    measured, of_rig = (
+        rig.measured_loops,
+        [rig.path, rig.model_path, rig.flux_table_path, rig.calibration_path],
+    )
     named = [*of_rig, controller.path, controller.model]
     return [file for file in named if file is not None] + list(measured.files)
 
 
 @dataclass(frozen=True)
-class Ready:
+class BearingInputs:
     """A rig, a controller and the loops, read and checked against each other."""
 
     rig: BodyRig  # its magnet is whole
     controller: ControllerFile
     loops: Loops
     model: Model | None  # that the controller file names
-    at: OperatingPoint
+    operating_point: OperatingPoint
 
-    def knowledge(self) -> IdentifiedMagnet:
+    def identify_magnet(self) -> IdentifiedMagnet:
         """Return what the controller knows; a model that it does not name is identified."""
         if self.model is not None:
             return IdentifiedMagnet(self.loops, self.model)
         return identify_magnet(self.loops, self.rig.settings.loops)
 
 
-def make_ready(rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()) -> Ready:
+def check_inputs(
+    rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()
+) -> BearingInputs:
     """Read and check everything that a rig and a controller name, before any work."""
-    reads = _files(rig, controller)
+    reads = _named_files(rig, controller)
     for path in outputs:
-        check_writable(path, reads=reads)
-    at = None if rig.settings.magnet.from_loops else find_operating_point(rig)
+        check_writable(path, input_files=reads)
+    at = None if rig.settings.magnet.has_iron_from_loops else find_operating_point(rig)
     check_controller(controller, rig)
-    refuse_untaught(rig, controller.settings.compensation.variant, rig.calibration)
+    check_calibration_covers(rig, controller.settings.compensation.variant, rig.calibration_path)
     model = _controller_model(controller, rig)
-    loops = rig.measured.read()
+    loops = rig.measured_loops.read()
     gaps = list(loops.by_schedule())
     middle = rig.settings.gap_m
     if not min(gaps) < middle < max(gaps):
         raise InputError(
-            f"{rig.measured.text}: loops at gaps of {min(gaps):g} to {max(gaps):g} m, {rig.path} "
+            f"{rig.measured_loops.description}: loops at gaps of {min(gaps):g} to {max(gaps):g} m, {rig.path} "
             f"works at {middle:g} m; measure loops around it",
             code="gaps-not-covered",
         )
     whole = complete_rig(rig, loops)
-    return Ready(whole, controller, loops, model, at or find_operating_point(whole))
+    return BearingInputs(whole, controller, loops, model, at or find_operating_point(whole))
 
 
-def refuse_untaught(rig: BodyRig, method: MethodName, named: Path | str | None) -> None:
+def check_calibration_covers(rig: BodyRig, method: MethodName, named: Path | str | None) -> None:
     """Refuse a calibration that says nothing of a method; `named` is how its path is shown."""
-    if rig.calibration is not None and rig.learnt(method) is None:
+    if rig.calibration_path is not None and rig.method_calibration(method) is None:
         raise InputError(
             f"{rig.path}: control.calibration: {named} says nothing of '{method}', and others would "
             "be calibrated alone; calibrate again, with all methods",
@@ -102,5 +107,7 @@ def _controller_model(controller: ControllerFile, rig: BodyRig) -> Model | None:
         text = (
             f"{controller.model}: a bearing needs a model of force over current and gap; identify"
         )
-        raise InputError(f"{text} one from {rig.measured.text}", code="not-current-to-force")
+        raise InputError(
+            f"{text} one from {rig.measured_loops.description}", code="not-current-to-force"
+        )
     return model

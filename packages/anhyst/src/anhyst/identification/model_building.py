@@ -28,39 +28,41 @@ import numpy as np
 
 from anhyst.data import Loops
 from anhyst.data.output_map import OutputMap, output_map
-from anhyst.identification.cell_kernel import SCALES, WeightKernel
-from anhyst.identification.default import FoundModel, follow
-from anhyst.identification.fit_records import AT_REST
-from anhyst.identification.response import Local, ResponseForm
-from anhyst.identification.space import IN_SERIES, LEAST_GAP_FLUX
+from anhyst.identification.cell_kernel import SCALE_NAMES, WeightKernel
+from anhyst.identification.default_search import FoundModel, descend_from
+from anhyst.identification.fit_records import MAX_REST_SHARE
+from anhyst.identification.response import ParameterSet, ResponseForm
+from anhyst.identification.space import MIN_GAP_FLUX_SHARE, SERIES_MAPS
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Curve, GapMap, Parameter
 from anhyst.model.schema import ValidRange
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, Quantity
 
-SATURATION = 1e6  # M_s where the data do not determine it, A/m
-AIR_CORE = 1e-3  # h where the data do not determine it: a/(M_s*(1 - alpha))
+DEFAULT_SATURATION = 1e6  # M_s where the data do not determine it, A/m
+DEFAULT_AIR_CORE_SLOPE = 1e-3  # h where the data do not determine it: a/(M_s*(1 - alpha))
 
-_ROUNDING = 1e-12
+_MIN_CLOSED_GAP_RHO = 1e-12
 """What rho keeps at the closed gap, so that rounding cannot make it negative there."""
 
 
-def form_of(input_quantity: Quantity, output_quantity: Quantity, law: str) -> ResponseForm:
+def make_response_form(
+    input_quantity: Quantity, output_quantity: Quantity, law: str
+) -> ResponseForm:
     """Choose the form of the equations for what was measured."""
     answer = output_map(output_quantity)
-    permeability = MU_0 if answer.absolute and input_quantity.name == "field" else 0.0
-    return ResponseForm(answer.power, law, permeability=permeability, h=AIR_CORE)
+    permeability = MU_0 if answer.is_flux_density and input_quantity.name == "field" else 0.0
+    return ResponseForm(answer.power, law, permeability=permeability, h=DEFAULT_AIR_CORE_SLOPE)
 
 
-def is_over_gap(loopset: Loops) -> bool:
+def is_scheduled_over_gap(loopset: Loops) -> bool:
     """Whether the loops are scheduled over a gap, which moves and does not change the iron."""
     return loopset.schedule is not None and loopset.schedule.name == "gap"
 
 
-def physical(
+def physical_parameters(
     form: ResponseForm,
-    sets: Sequence[Local],
+    sets: Sequence[ParameterSet],
     gap_map: GapMap,
     input_quantity: Quantity,
     output_quantity: Quantity,
@@ -68,11 +70,11 @@ def physical(
 ) -> dict[str, Parameter]:
     """Physical parameters for gauge-free ones."""
     answer, input_name = output_map(output_quantity), input_quantity.name
-    table = [_at_one_gap(form, local, gap_map, input_name, answer) for local in sets]
-    if gap_map in IN_SERIES:
-        _lift_reluctance(form, table, np.array(gaps))
+    table = [_physical_at_gap(form, local, gap_map, input_name, answer) for local in sets]
+    if gap_map in SERIES_MAPS:
+        _make_reluctance_positive(form, table, np.array(gaps))
     for row in table:
-        row.update(form.kernel.dead_band(row, form.dead_band))
+        row.update(form.kernel.dead_band_parameter(row, form.dead_band))
     vary = {
         "none": set(),
         "scaling": {"c_H"},
@@ -87,24 +89,26 @@ def physical(
     }
 
 
-def _lift_reluctance(form: ResponseForm, table: list[dict[str, float]], gaps: FloatArray) -> None:
+def _make_reluctance_positive(
+    form: ResponseForm, table: list[dict[str, float]], gaps: FloatArray
+) -> None:
     """Move along the redundancy between alpha and rho until no reluctance is negative."""
     rho = np.array([row["rho"] for row in table])
     least = float(rho.min())
     if gaps.size > 1:
-        least = min(least, float(Curve("rho", gaps, rho)(np.zeros(1))[0])) - _ROUNDING
+        least = min(least, float(Curve("rho", gaps, rho)(np.zeros(1))[0])) - _MIN_CLOSED_GAP_RHO
     p = min(1.0 + least, 1.0)
     for row in table:
         row["rho"] = max((1.0 + row["rho"]) / p - 1.0, 0.0)
-        form.kernel.shrink_field(row, p)
+        form.kernel.scale_internal_field(row, p)
         row["c_out"] /= p**form.power
 
 
-def _at_one_gap(
-    form: ResponseForm, local: Local, gap_map: str, input_name: str, answer: OutputMap
+def _physical_at_gap(
+    form: ResponseForm, local: ParameterSet, gap_map: str, input_name: str, answer: OutputMap
 ) -> dict[str, float]:
     h, omega = local.h, local.omega
-    if gap_map in IN_SERIES:
+    if gap_map in SERIES_MAPS:
         alpha, rho = 0.0, h * omega / (1.0 - h * omega)
     else:
         alpha, rho = 0.0 - h * omega / (1.0 - h * omega), 0.0
@@ -113,14 +117,14 @@ def _at_one_gap(
         a = unscaled
         saturation = a / (h * (1.0 - alpha))
     else:
-        is_known = answer.absolute and gap_map != "circuit"
-        saturation = local.gain / (MU_0 * (1.0 - alpha)) if is_known else SATURATION
+        is_known = answer.is_flux_density and gap_map != "circuit"
+        saturation = local.gain / (MU_0 * (1.0 - alpha)) if is_known else DEFAULT_SATURATION
         a = h * saturation * (1.0 - alpha)
     c_out = local.gain / (MU_0 * saturation * (1.0 - alpha)) ** answer.power
     if abs(c_out - 1.0) < 1e-12:
         c_out = 1.0  # flux density measured: but for rounding it is one by construction
     return {
-        **form.kernel.iron(saturation, a, local.law, alpha),
+        **form.kernel.iron_parameters(saturation, a, local.law, alpha),
         "rho": rho,
         "c_H": a / unscaled,
         "c_out": c_out,
@@ -129,22 +133,24 @@ def _at_one_gap(
     }
 
 
-_BETWEEN = 4  # pieces between two gaps in which the curves of a model with leakage are drawn
+_PIECES_PER_GAP_INTERVAL = (
+    4  # pieces between two gaps in which the curves of a model with leakage are drawn
+)
 
 
-def model_of(fit: FoundModel, loopset: Loops) -> Model:
+def make_model(fit: FoundModel, loopset: Loops) -> Model:
     """Bare model of a fit: parameters and gap map, no records of how it was found."""
     space = fit.space
-    positions, sets = _between(fit)
+    positions, sets = _model_nodes(fit)
     nodes = tuple(positions.tolist())
-    gap_map, gaps = space.written_map, nodes if is_over_gap(loopset) else ()
-    parameters = physical(space.form, sets, gap_map, loopset.input, loopset.output, gaps)
+    gap_map, gaps = space.file_gap_map, nodes if is_scheduled_over_gap(loopset) else ()
+    parameters = physical_parameters(space.form, sets, gap_map, loopset.input, loopset.output, gaps)
     for name, reading in (("in_0", space.records.rest.input), ("out_0", space.records.rest.output)):
         parameters[name] = (np.asarray(parameters[name]) + reading.offset).tolist()
     cells = None
     if isinstance(space.form.cells, WeightKernel):
-        scales = (float(np.max(parameters.pop(name))) for name in SCALES)
-        cells = space.form.cells.scaled(fit.sets[0].law, *scales)
+        scales = (float(np.max(parameters.pop(name))) for name in SCALE_NAMES)
+        cells = space.form.cells.make_scaled_cells(fit.parameter_sets[0].law, *scales)
     return Model(
         name="model",
         cells=cells,
@@ -158,30 +164,32 @@ def model_of(fit: FoundModel, loopset: Loops) -> Model:
     )
 
 
-def _between(fit: FoundModel) -> tuple[FloatArray, list[Local]]:
+def _model_nodes(fit: FoundModel) -> tuple[FloatArray, list[ParameterSet]]:
     """Nodes of a model and the sets there: with leakage, places between the gaps too.
 
     What a gap grows by is its own reluctance; what the iron sees of it behind a leakage bends. So
     the former is interpolated, and so densely that the curves between nodes do not matter.
     """
-    space, sets = fit.space, fit.sets
+    space, sets = fit.space, fit.parameter_sets
     nodes = space.records.nodes
     if space.gap_map != "leakage":
         return nodes, sets
     leakage = space.leakage(fit.theta)
     seen = np.array([local.omega for local in sets])
-    own = Curve("rho", nodes, seen / np.maximum(1.0 - leakage * seen, LEAST_GAP_FLUX))
-    pieces = [np.linspace(*ends, _BETWEEN, endpoint=False) for ends in pairwise(nodes)]
+    own = Curve("rho", nodes, seen / np.maximum(1.0 - leakage * seen, MIN_GAP_FLUX_SHARE))
+    pieces = [
+        np.linspace(*ends, _PIECES_PER_GAP_INTERVAL, endpoint=False) for ends in pairwise(nodes)
+    ]
     positions = np.concatenate([*pieces, nodes[-1:]])
     first, power = sets[0], space.form.power
     scale = first.scale * (1.0 - first.h * first.omega)
-    gain = first.gain / max(1.0 - leakage * first.omega, LEAST_GAP_FLUX) ** power
+    gain = first.gain / max(1.0 - leakage * first.omega, MIN_GAP_FLUX_SHARE) ** power
     return positions, [
         replace(
             first,
             omega=omega,
             scale=scale / (1.0 - first.h * omega),
-            gain=gain * max(1.0 - leakage * omega, LEAST_GAP_FLUX) ** power,
+            gain=gain * max(1.0 - leakage * omega, MIN_GAP_FLUX_SHARE) ** power,
         )
         for omega in (own(positions) / (1.0 + leakage * own(positions))).tolist()
     ]
@@ -195,7 +203,7 @@ def valid_range(loopset: Loops) -> ValidRange:
 
     at = loopset.schedule_values
     low, high = span([loop.input for loop in loopset.loops])
-    if 0.0 < low <= AT_REST * high:
+    if 0.0 < low <= MAX_REST_SHARE * high:
         low = 0.0  # the sensor's offset is no reason to flag a drive at rest
     return ValidRange(
         input=(low, high),
@@ -204,31 +212,39 @@ def valid_range(loopset: Loops) -> ValidRange:
     )
 
 
-PARTS = (0.35, 0.2, 0.1, 0.05, 0.02)
+DEAD_BAND_RATIOS = (0.35, 0.2, 0.1, 0.05, 0.02)
 """Half-widths that are tried, in parts of the pinning k, the widest first."""
 
-COST = 1.03  # factor by which the deviation from the loops may grow
-_TOLERANCE, _MOST = 1e-8, 40  # of the fit with a dead band: it starts near its end
+MAX_DEVIATION_RATIO = 1.03  # factor by which the deviation from the loops may grow
+_DEAD_BAND_TOLERANCE, _MAX_DEAD_BAND_STEPS = (
+    1e-8,
+    40,
+)  # of the fit with a dead band: it starts near its end
 
 
 def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:
     """Fit again with the widest dead band that the loops allow."""
-    form, most = fit.space.form, COST**2 * fit.cost
-    for part in PARTS:
+    form, most = fit.space.form, MAX_DEVIATION_RATIO**2 * fit.cost
+    for part in DEAD_BAND_RATIOS:
         space = replace(fit.space, form=replace(form, dead_band=part))
-        tried = follow(space, fit.theta, _TOLERANCE, _MOST, fit.tie, goal=most)
+        tried = descend_from(
+            space, fit.theta, _DEAD_BAND_TOLERANCE, _MAX_DEAD_BAND_STEPS, fit.smoothness, goal=most
+        )
         if tried.cost <= most and accepts(tried):
             return replace(tried, evaluations=fit.evaluations + tried.evaluations)
     return fit
 
 
-def why_dead_band(before: FoundModel, after: FoundModel) -> str:
+def explain_dead_band(before: FoundModel, after: FoundModel) -> str:
     """Report the dead band that the user set, and what it costs."""
     part = after.space.form.dead_band
     if part == 0.0:
-        return f"none: even one of {PARTS[-1]:g}*k costs more than {COST - 1:.0%} of the deviation"
+        return (
+            f"none: even one of {DEAD_BAND_RATIOS[-1]:g}*k costs more than "
+            f"{MAX_DEVIATION_RATIO - 1:.0%} of the deviation"
+        )
     change = float(np.sqrt(after.cost / before.cost)) - 1.0
     return (
-        f"r_d = {part:g}*k, the widest tried that costs at most {COST - 1:.0%} of the deviation "
+        f"r_d = {part:g}*k, the widest tried that costs at most {MAX_DEVIATION_RATIO - 1:.0%} of the deviation "
         f"from the loops; it changes by {100.0 * change:+.1f} %"
     )

@@ -23,8 +23,8 @@ import numpy as np
 from anhyst._core import Operator
 from anhyst.data.output_map import output_map
 from anhyst.identification.fit_records import FitRecords
-from anhyst.identification.response import Local, Responder, ResponseForm
-from anhyst.identification.screening import OMEGA_JUMP, follow_sets
+from anhyst.identification.response import ParameterSet, Responder, ResponseForm
+from anhyst.identification.screening import JUMP_INTERACTION, follow_sets
 from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, Quantity
@@ -32,26 +32,29 @@ from anhyst.support.units import MU_0, Quantity
 Values = dict[str, float]
 """Physical parameters at one gap, SI, named as in :class:`anhyst.model.actuator.Model`."""
 
-SEVEN = ("M_s", "a", "alpha", "k", "c", "c_H", "c_out")
-POSITIVE = frozenset({"M_s", "a", "k", "c_H", "c_out"})
-OFFSETS = ("in_0", "out_0")
+SEVEN_NAMES = ("M_s", "a", "alpha", "k", "c", "c_H", "c_out")
+POSITIVE_NAMES = frozenset({"M_s", "a", "k", "c_H", "c_out"})
+OFFSET_NAMES = ("in_0", "out_0")
 
-_ALPHA = 1e-3  # size at which the coordinate of alpha turns from linear to logarithmic
-_SATURATION = (2e5, 2e6)  # M_s from ferrite to cobalt iron, A/m
-_SHAPE = (1.0, 3e4)  # a from soft iron to an iron that looks sheared by its gap, A/m
-_PINNING = (0.05, 3e4)  # k likewise, from loops that are hardly open, A/m
-_FIELD = (30.0, 3e5)  # largest field c_H may make of the largest input, A/m
-_REACHED = (1.0, 100.0)  # output at saturation in parts of the largest output measured
+_ALPHA_SCALE = 1e-3  # size at which the coordinate of alpha turns from linear to logarithmic
+_SATURATION_RANGE = (2e5, 2e6)  # M_s from ferrite to cobalt iron, A/m
+_SHAPE_RANGE = (1.0, 3e4)  # a from soft iron to an iron that looks sheared by its gap, A/m
+_PINNING_RANGE = (0.05, 3e4)  # k likewise, from loops that are hardly open, A/m
+_FIELD_RANGE = (30.0, 3e5)  # largest field c_H may make of the largest input, A/m
+_SATURATED_OUTPUT_RANGE = (
+    1.0,
+    100.0,
+)  # output at saturation in parts of the largest output measured
 
-_ALPHAS = (-0.5, 0.05)
+_ALPHA_RANGE = (-0.5, 0.05)
 """From the demagnetising share of a wide gap to the interaction where jumps begin."""
 
-AIR_SLOPE = 1e-5
+COMMON_AIR_CORE_SLOPE = 1e-5
 """a/M_s in the common gauge: what soft iron has. So small, alpha over the gap is the same thing as
 a reluctance over the gap (docs/theory.md)."""
 
-_REVERSIBLE = (0.0, 0.95)
-_OFFSET = 0.1  # of the span of input or output
+_REVERSIBLE_RANGE = (0.0, 0.95)
+_MAX_OFFSET_SHARE = 0.1  # of the span of input or output
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,42 +78,42 @@ class Variables:
         some = tuple(self.names[index] for index in kept)
         return Variables(some, self.low[kept], self.high[kept], self.spans)
 
-    def inward(self, values: Mapping[str, float]) -> FloatArray:
+    def to_coordinates(self, values: Mapping[str, float]) -> FloatArray:
         """Return the coordinates of parameters, shape (n,), clipped to the bounds."""
-        theta = np.array([_inward(name, values[name], self.spans) for name in self.names])
+        theta = np.array([_to_coordinate(name, values[name], self.spans) for name in self.names])
         return np.asarray(np.clip(theta, self.low, self.high))
 
-    def outward(self, theta: FloatArray) -> dict[str, FloatArray]:
+    def to_parameters(self, theta: FloatArray) -> dict[str, FloatArray]:
         """Return the parameters at coordinates of shape (..., n): one array of shape (...) each."""
         values = {}
         for n, name in enumerate(self.names):
             coordinate = theta[..., n]
-            if name in POSITIVE:
+            if name in POSITIVE_NAMES:
                 values[name] = np.exp(coordinate)
             elif name == "alpha":
-                values[name] = _ALPHA * np.sinh(coordinate)
+                values[name] = _ALPHA_SCALE * np.sinh(coordinate)
             else:
                 values[name] = coordinate * self.spans[name]
         return values
 
 
-def _inward(name: str, value: float, spans: Mapping[str, float]) -> float:
-    if name in POSITIVE:
+def _to_coordinate(name: str, value: float, spans: Mapping[str, float]) -> float:
+    if name in POSITIVE_NAMES:
         return float(np.log(value))
-    return float(np.arcsinh(value / _ALPHA)) if name == "alpha" else value / spans[name]
+    return float(np.arcsinh(value / _ALPHA_SCALE)) if name == "alpha" else value / spans[name]
 
 
-def variables_of(
-    records: FitRecords, drive: Quantity, answer: Quantity, held: frozenset[str]
+def make_variables(
+    records: FitRecords, drive: Quantity, answer: Quantity, fixed: frozenset[str]
 ) -> tuple[Variables, Values]:
     """Choose what a search may vary, between which bounds, and what is known beforehand."""
     spans = {"c": 1.0, "in_0": records.input_span, "out_0": records.output_span}
-    known = dict.fromkeys(held & set(OFFSETS), 0.0)
-    shape, pinning, saturation = _SHAPE, _PINNING, _SATURATION
+    known = dict.fromkeys(fixed & set(OFFSET_NAMES), 0.0)
+    shape, pinning, saturation = _SHAPE_RANGE, _PINNING_RANGE, _SATURATION_RANGE
     if drive.name == "field":
         known["c_H"] = 1.0
         shape = pinning = (1e-3 * records.input_span, 3.0 * records.input_span)
-    if output_map(answer).absolute:
+    if output_map(answer).is_flux_density:
         known["c_out"] = 1.0
         saturation = (0.8 * records.output_span / MU_0, 30.0 * records.output_span / MU_0)
     power = output_map(answer).power
@@ -118,27 +121,30 @@ def variables_of(
         "M_s": saturation,
         "a": shape,
         "k": pinning,
-        "alpha": _ALPHAS,
-        "c": _REVERSIBLE,
-        "c_H": (_FIELD[0] / records.input_span, _FIELD[1] / records.input_span),
+        "alpha": _ALPHA_RANGE,
+        "c": _REVERSIBLE_RANGE,
+        "c_H": (_FIELD_RANGE[0] / records.input_span, _FIELD_RANGE[1] / records.input_span),
         "c_out": (
-            _REACHED[0] * records.output_span / (MU_0 * saturation[1]) ** power,
-            _REACHED[1] * records.output_span / (MU_0 * saturation[0]) ** power,
+            _SATURATED_OUTPUT_RANGE[0] * records.output_span / (MU_0 * saturation[1]) ** power,
+            _SATURATED_OUTPUT_RANGE[1] * records.output_span / (MU_0 * saturation[0]) ** power,
         ),
-        "in_0": (-_OFFSET * records.input_span, _OFFSET * records.input_span),
-        "out_0": (-_OFFSET * records.output_span, _OFFSET * records.output_span),
+        "in_0": (-_MAX_OFFSET_SHARE * records.input_span, _MAX_OFFSET_SHARE * records.input_span),
+        "out_0": (
+            -_MAX_OFFSET_SHARE * records.output_span,
+            _MAX_OFFSET_SHARE * records.output_span,
+        ),
     }
-    names = tuple(name for name in (*SEVEN, *OFFSETS) if name not in known)
-    ends = [[_inward(name, end, spans) for end in bounds[name]] for name in names]
+    names = tuple(name for name in (*SEVEN_NAMES, *OFFSET_NAMES) if name not in known)
+    ends = [[_to_coordinate(name, end, spans) for end in bounds[name]] for name in names]
     low, high = np.array(ends).T
     return Variables(names, low, high, spans), known
 
 
-def gauge_free(values: Mapping[str, FloatArray], power: int) -> dict[str, FloatArray]:
+def to_gauge_free(values: Mapping[str, FloatArray], power: int) -> dict[str, FloatArray]:
     """Parameters in the form the law is computed in (:mod:`.response`), element by element.
 
     >>> seven = dict(M_s=1e6, a=1e3, alpha=-0.02, k=2e3, c=0.2, c_H=2e4, c_out=200.0)
-    >>> found = gauge_free({name: np.array(value) for name, value in seven.items()}, power=2)
+    >>> found = to_gauge_free({name: np.array(value) for name, value in seven.items()}, power=2)
     >>> {name: round(float(value), 6) for name, value in found.items()}
     {'kappa': 2.0, 'c': 0.2, 'omega': 20.0, 'scale': 0.05, 'gain': 328.583568, 'h': 0.00098}
     """
@@ -153,28 +159,28 @@ def gauge_free(values: Mapping[str, FloatArray], power: int) -> dict[str, FloatA
     }
 
 
-def local_of(values: Mapping[str, float], power: int) -> Local:
+def make_parameter_set(values: Mapping[str, float], power: int) -> ParameterSet:
     """Gauge-free parameters of one set."""
     arrays = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
-    form = {name: float(value) for name, value in gauge_free(arrays, power).items()}
+    form = {name: float(value) for name, value in to_gauge_free(arrays, power).items()}
     law = (form.pop("kappa"), form.pop("c"))
-    return Local(law, **form, in_0=values["in_0"], out_0=values["out_0"])
+    return ParameterSet(law, **form, in_0=values["in_0"], out_0=values["out_0"])
 
 
 def mean_over_gaps(name: str, values: Sequence[float]) -> float:
     """Mean that replaces a parameter: geometric for the positive ones, which are scales."""
-    if name in POSITIVE:
+    if name in POSITIVE_NAMES:
         return float(np.exp(np.mean(np.log(values))))
     return float(np.mean(values))
 
 
-def chosen_by_gauge(searched: Sequence[str]) -> tuple[str, ...]:
+def names_set_by_gauge(searched: Sequence[str]) -> tuple[str, ...]:
     """Name what :func:`in_one_gauge` makes the same at all gaps."""
     tied = {"M_s": "c_out", "a": "c_H"}
     return tuple(name for name, partner in tied.items() if partner in searched)
 
 
-def in_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: int) -> list[Values]:
+def move_to_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: int) -> list[Values]:
     """Move the sets of all gaps along the redundancies to the same ``M_s`` and the same ``a``.
 
     Before that a mean over gaps means nothing: what is averaged is mostly chance. ``M_s`` goes to
@@ -184,13 +190,13 @@ def in_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: int) ->
     leaving the gauge-free form as it was. Where field (``c_H = 1``) or flux density (``c_out = 1``)
     is measured there is nothing to choose for ``a`` or ``M_s``.
     """
-    chosen = chosen_by_gauge(searched)
+    chosen = names_set_by_gauge(searched)
     saturation = mean_over_gaps("M_s", [values["M_s"] for values in sets])
     moved = []
     for values in sets:
         arrays = {name: np.asarray(value) for name, value in values.items()}
-        form = {name: float(value) for name, value in gauge_free(arrays, power).items()}
-        a = AIR_SLOPE * saturation if "a" in chosen else values["a"]
+        form = {name: float(value) for name, value in to_gauge_free(arrays, power).items()}
+        a = COMMON_AIR_CORE_SLOPE * saturation if "a" in chosen else values["a"]
         effective = values["M_s"] * (1.0 - values["alpha"])
         m_s = saturation if "M_s" in chosen else effective - form["omega"] * a
         alpha = -form["omega"] * a / m_s
@@ -203,8 +209,8 @@ def in_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: int) ->
     return moved
 
 
-IMPOSSIBLE = 10.0  # cost where the law has no answer
-_KAPPA = (2e-3, 5e2)  # pinning over shape that the tables of the core are made for
+NO_ANSWER_COST = 10.0  # cost where the law has no answer
+_KAPPA_RANGE = (2e-3, 5e2)  # pinning over shape that the tables of the core are made for
 
 
 class Criterion:
@@ -220,31 +226,31 @@ class Criterion:
         self._built: tuple[tuple[float, ...], Operator] | None = None
         self.evaluations = 0
 
-    def of_one(self, values: Mapping[str, float]) -> float:
+    def cost_of_set(self, values: Mapping[str, float]) -> float:
         """Cost of one parameter set by the exact law; :data:`IMPOSSIBLE` where it has no answer."""
         self.evaluations += 1
-        local = local_of(values, self._form.power)
+        local = make_parameter_set(values, self._form.power)
         try:
-            key = (local.kappa, local.c, local.omega if self._form.kernel.coupled else 0.0)
+            key = (local.kappa, local.c, local.omega if self._form.kernel.is_coupled else 0.0)
             if self._built is None or self._built[0] != key:
-                self._built = (key, self._form.operator(local))
+                self._built = (key, self._form.make_operator(local))
             output = partial(self._responder.output, self._form, local, self._built[1])
             return sum(
                 share * float(np.abs(output(record) - record.output).sum())
                 for share, record in zip(self._shares, self._loops, strict=True)
             )
         except NoResponseError:
-            return IMPOSSIBLE
+            return NO_ANSWER_COST
 
-    def of_many(self, values: Mapping[str, FloatArray]) -> FloatArray:
+    def costs_of_sets(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Costs of many sets by the batch of the core, shape (count,); infinite where it cannot.
 
         The batch steps linearly, goes round a settled cycle three times only, knows no jumps, and
         takes the effective-field law for that of 1986: good enough to see which parents to keep.
         """
-        form = gauge_free(values, self._form.power)
-        sane = (form["omega"] > 0.01 - OMEGA_JUMP) & (_KAPPA[0] < form["kappa"])
-        sane &= form["kappa"] < _KAPPA[1]
+        form = to_gauge_free(values, self._form.power)
+        sane = (form["omega"] > 0.01 - JUMP_INTERACTION) & (_KAPPA_RANGE[0] < form["kappa"])
+        sane &= form["kappa"] < _KAPPA_RANGE[1]
         costs = np.full(sane.size, np.inf)
         self.evaluations += sane.size
         kept = {name: array[sane] for name, array in form.items()}
@@ -266,8 +272,11 @@ def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
     return float(np.average(np.abs(outputs - measured), weights=counts) / records.output_span)
 
 
-def simplex(
-    cost: Callable[[FloatArray], float], variables: Variables, start: FloatArray, most: int
+def run_simplex(
+    cost: Callable[[FloatArray], float],
+    variables: Variables,
+    start: FloatArray,
+    max_evaluations: int,
 ) -> tuple[FloatArray, float]:
     """Nelder and Mead's simplex, begun again at its end until that gains nothing more."""
     # Only here: importing it takes longer than the default search, which does without.
@@ -275,7 +284,7 @@ def simplex(
 
     best, lowest, step = start, cost(start), 0.05
     span = variables.high - variables.low
-    while most > variables.size + 1:
+    while max_evaluations > variables.size + 1:
         corners = np.tile(best, (variables.size + 1, 1))
         axes = np.arange(variables.size)
         inward = np.where(best + step * span > variables.high, -step, step)
@@ -288,13 +297,13 @@ def simplex(
             options={
                 "adaptive": variables.size > 1,
                 "initial_simplex": corners,
-                "maxfev": most,
-                "maxiter": most,
+                "maxfev": max_evaluations,
+                "maxiter": max_evaluations,
                 "xatol": 1e-5,
                 "fatol": 1e-8,
             },
         )
-        most -= minimum.nfev
+        max_evaluations -= minimum.nfev
         step *= 0.25
         gained = lowest - minimum.fun
         if gained > 0.0:

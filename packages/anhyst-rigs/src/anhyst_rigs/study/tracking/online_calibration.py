@@ -1,0 +1,574 @@
+"""What a stage or a bearing learns while it runs on a bench, beside it."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from anhyst.model.actuator import Model
+from anhyst.support.block_words import GENERATION_INDEX, set_generation
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
+from anhyst.support.numeric import FloatArray, rms
+from anhyst_rigs.rig.bearing.loop import BearingSetup
+from anhyst_rigs.rig.bench.bearing import BearingBench
+from anhyst_rigs.rig.bench.protocol import Bench, Signal, Subscription
+from anhyst_rigs.rig.bench.stage import MAX_CYCLES, StageBench, StageCycle
+from anhyst_rigs.rig.calibration import ParameterName
+from anhyst_rigs.rig.fitting import IdentifiedMagnet, calibrate_magnet
+from anhyst_rigs.rig.recording import column_name, peak_deviation
+from anhyst_rigs.rig.stage.loop import StageSetup
+from anhyst_rigs.study.tracking.bodies import BearingLaw, StageLaw
+from anhyst_rigs.study.tracking.estimator import FORGETTING_TIME_S, ParameterEstimator
+from anhyst_rigs.study.tracking.measures import slit_statistics
+from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_slow_amplifier
+
+MAX_SHOWN_LAPS = 500
+"""Laps that a page can draw."""
+PICKUP_TIME_S = 0.1
+"""In which the weight of a body is taken up: the iron that carries it remembers that ever after."""
+MAX_BUFFER_S = 20.0
+"""Rows that are kept for a lap and what its iron remembers, s; after a longer rest a lap is waited for."""
+MAX_ERROR_GROWTH = 1.5
+"""Times the least error, in two laps in a row, beyond which what was learnt is taken back."""
+_BEARING_COLUMNS = (
+    "reference_m",
+    "gap_read_m",
+    "command_A",
+    "load_N",
+    "demand_N",
+    "state",
+    "phase",
+)
+MIN_COMPARISONS, MIN_SWAP_CHANGE = 50, 0.1
+"""Comparisons of a second that teaches; part of a stated deviation below which nothing is swapped."""
+
+
+Corrections = Mapping[ParameterName, float]
+"""What a method is corrected by; empty where by nothing."""
+RunOnBench = Callable[[Callable[[], None]], None]
+"""Does something to the bench between two of its ticks, in its thread."""
+
+
+class LearntLap(NamedTuple):
+    """What a lap left, and what was known after it."""
+
+    tick: int  # its last
+    lap: int
+    method: MethodName
+    # error; of a stage the largest moving average over the slit, while it cruised
+    average: float
+    peak: float  # largest error
+    learning: bool  # whether it was to teach
+    refused: int  # laps of this method so far that taught nothing, since nothing explained them
+    # number by name: estimate, standard deviation that is left, what is applied, what is stated
+    values: Mapping[str, tuple[float, float, float, float]]
+
+
+class _CorrectionHistory:
+    """What was in force of a method when its laps left least, and what has been since."""
+
+    def __init__(self) -> None:
+        self._entries: deque[tuple[StageSetup, Corrections]] = deque(maxlen=MAX_CYCLES)
+        self._conditions: tuple[object, ...] = ()
+        self._last_average = self._best_average = (
+            math.inf
+        )  # moving averages, m: a lap's, the larger of two laps'
+        self._best_corrections: Corrections = {}
+
+    def add(self, setup: StageSetup, corrections: Corrections) -> None:
+        """Keep what corrects a setup that is put in force."""
+        self._entries.append((setup, {name: value for name, value in corrections.items() if value}))
+
+    def corrections_of(self, lap: StageCycle) -> Corrections | None:
+        """Return what a lap was corrected by; None where that is forgotten."""
+        return next(
+            (corrections for setup, corrections in self._entries if setup is lap.setup), None
+        )
+
+    def find_better(
+        self, lap: StageCycle, corrections: Corrections, average: float
+    ) -> tuple[Corrections, float] | None:
+        """Return what left less than these last two laps do, and how much; None if nothing did."""
+        if (
+            lap.conditions != self._conditions
+        ):  # another plant, load or gain: nothing is known of it
+            self._conditions, self._last_average, self._best_average = (
+                lap.conditions,
+                math.inf,
+                math.inf,
+            )
+        pair, self._last_average = (self._last_average, average), average
+        if max(pair) < self._best_average:
+            self._best_average, self._best_corrections = max(pair), corrections
+        has_grown = math.isfinite(pair[0]) and min(pair) > MAX_ERROR_GROWTH * self._best_average
+        return (
+            (self._best_corrections, self._best_average)
+            if has_grown and self._best_corrections != corrections
+            else None
+        )
+
+
+class BenchCalibrator:
+    """Calibrates the methods of a bench from its motions, each from those that it drove itself.
+
+    :meth:`run` is a thread of its own; what it found acts through `do`, which a session gives: in
+    the thread of the bench, as the orders do.
+    """
+
+    unit = "m"
+    """Of the errors of its laps."""
+
+    def __init__(self, bench: Bench, is_on: bool = False) -> None:
+        self.is_on = is_on
+        self.laps: deque[LearntLap] = deque(maxlen=MAX_SHOWN_LAPS)
+        self._clock = bench
+        self._estimators: dict[MethodName, ParameterEstimator] = {}
+        self._uncorrected_error: dict[MethodName, float] = {}  # error where nothing is applied
+        self._buffer: deque[FloatArray] = deque()
+        self._stop_reason = ""
+        self._start_tick = 0  # tick before which nothing teaches that waits to be looked at
+
+    def switch(self, is_on: bool) -> None:
+        """Learn from what is under way on, or no more; what is applied stays."""
+        if is_on and (refusal := self._refusal):
+            raise refusal
+        self.is_on, self._start_tick = is_on, self._clock.tick
+
+    def revert(self) -> int:
+        """Forget all that was learnt; in the bench's thread."""
+        self._start_tick = (
+            self._clock.tick
+        )  # first: what waits finds either this or its learner gone
+        self._estimators, self._stop_reason = {}, ""
+        return self._start_tick
+
+    def status(self) -> Mapping[str, Any]:
+        """Return what a page shows beside the laps."""
+        estimators = dict(self._estimators)
+        return {
+            "on": self.is_on,
+            "refused": str(self._refusal or ""),
+            "trouble": self._stop_reason,
+            "said": {
+                method: estimator.calibration.summary for method, estimator in estimators.items()
+            },
+            "before": dict(self._uncorrected_error),
+        }
+
+    def run(self, subscription: Subscription, run_on_bench: RunOnBench) -> None:
+        """Take rows until they end."""
+        with suppress(InputError):  # the bench is closed
+            while (rows := subscription.get()) is not None:
+                self.process_rows(rows, run_on_bench)
+
+    def process_rows(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
+        """Take rows, and learn from each lap that ends with them."""
+        if self._buffer and rows[0, 0] != self._buffer[-1][-1, 0] + 1:
+            self._buffer.clear()  # some were missed
+        self._buffer.append(rows)
+        self._process(rows, run_on_bench)
+
+    def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
+        """Learn from what ends with rows."""
+        raise NotImplementedError  # pragma: no cover
+
+    def _stop(self, reason: str) -> None:
+        """Learn no more, and show why."""
+        self._stop_reason, self.is_on = f"learning ended: {reason}", False
+
+    def _record_lap(self, lap: LearntLap, estimator: ParameterEstimator | None) -> None:
+        """Keep what a page draws of a lap."""
+        if estimator is not None:
+            values = {
+                parameter.name: (
+                    parameter.value,
+                    parameter.sigma,
+                    estimator.applied_values[parameter.name],
+                    parameter.prior,
+                )
+                for parameter in estimator.calibration.parameter
+                if parameter.name in estimator.identified
+            }
+            lap = lap._replace(refused=estimator.rejected_count, values=values)
+        self.laps.append(lap)
+
+    @property
+    def _refusal(self) -> InputError | None:
+        """Return why nothing can be learnt, or None."""
+        raise NotImplementedError  # pragma: no cover
+
+
+class StageCalibrator(BenchCalibrator):
+    """Calibrates a stage from its laps; what it found acts when the body next rests."""
+
+    def __init__(self, magnet: IdentifiedMagnet, bench: StageBench) -> None:
+        rig = bench.rig
+        super().__init__(bench, rig.settings.tracking.calibrate)
+        self._rig, self._magnet, self._bench = rig, magnet, bench
+        self._required_columns = StageLaw(rig, magnet, "full").required_columns[
+            1:
+        ]  # the clock is the tick here
+        self._column_indices = [
+            _row_index(bench.signals, one) for one in (*self._required_columns, "error_m", "lap")
+        ]
+        # in rows of them
+        self._command_indices = [
+            1 + n for n, one in enumerate(self._required_columns) if one.startswith("command")
+        ]
+        self._skipped_laps = 0
+        # rows of that, since it was switched on
+        self._pickup_rows = np.zeros((0, 1 + len(self._column_indices)))
+        self._laws: dict[MethodName, MotionLaw] = {}
+        self._histories: dict[MethodName, _CorrectionHistory] = {}
+
+    def revert(self) -> int:
+        """Forget all that was learnt, and put in force what the rig file says."""
+        super().revert()
+        self._histories, self._skipped_laps = {}, 0
+        return [self._bench.correct(setup) for setup in self._bench.setups][-1]
+
+    def status(self) -> Mapping[str, Any]:
+        """Return what a page shows beside the laps."""
+        return {**super().status(), "left_out": self._skipped_laps}
+
+    def process_rows(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
+        """Take rows, and learn from each lap that ends with them."""
+        super().process_rows(rows[:, [0, *self._column_indices]], run_on_bench)
+
+    def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
+        while (
+            len(self._buffer) > 1 and sum(map(len, self._buffer)) > MAX_BUFFER_S * self._bench.rate
+        ):
+            self._buffer.popleft()
+        pickup_tick, first = max(self._bench.plant_tick, self._bench.lift_tick), int(rows[0, 0])
+        if 0 <= pickup_tick - first < len(rows):
+            was_lifted_again = pickup_tick != self._bench.plant_tick
+            earlier_rows = (
+                self._rows_before_lift(pickup_tick) if was_lifted_again else self._pickup_rows[:0]
+            )
+            self._pickup_rows = np.concatenate([earlier_rows, rows[pickup_tick - first :]])
+            if was_lifted_again:  # its iron carries the weight on another branch now
+                self._estimators = {
+                    name: one.copy_without_data() for name, one in self._estimators.items()
+                }
+        elif pickup_tick <= first < pickup_tick + PICKUP_TIME_S * self._bench.rate:
+            self._pickup_rows = np.concatenate([self._pickup_rows, rows])
+        for lap in tuple(self._bench.cycles):
+            if rows[0, 0] <= lap.last_tick <= rows[-1, 0]:
+                self._process_lap(lap, run_on_bench)
+
+    def _rows_before_lift(self, tick: int) -> FloatArray:
+        """Return what the iron remembers of before a lift: the first one, the last lap, the way down."""
+        history_begin = max(
+            (one.history_start for one in tuple(self._bench.cycles) if one.first_tick < tick),
+            default=0,
+        )
+        rows = np.concatenate(self._buffer)
+        rows = rows[(rows[:, 0] >= history_begin) & (rows[:, 0] < tick)]
+        has_current = rows[:, self._command_indices].any(axis=1)
+        is_earlier = self._pickup_rows[:, 0] < (rows[0, 0] if len(rows) else tick)
+        # of a rest without current its first row says as much
+        return np.concatenate(
+            [self._pickup_rows[is_earlier], rows[has_current | np.roll(has_current, 1)]]
+        )
+
+    def _process_lap(self, lap: StageCycle, run_on_bench: RunOnBench) -> None:
+        """Learn from a lap, unless it was broken off, and let what was found act."""
+        table = np.concatenate([one for one in self._buffer if one[-1, 0] >= lap.history_start])
+        first, end = int(table[0, 0]), lap.last_tick
+        error, laps = table[: end + 1 - first, -2:].T
+        begin_row = lap.first_tick - first
+        if begin_row < 0 or np.any(laps[begin_row:] != lap.number):
+            return
+        slit, dt = self._rig.settings.scan.slit_s, self._rig.dt
+        windows = slit_statistics(error[begin_row:], lap.motion, slit, dt)
+        peak_error = peak_deviation(error[begin_row:])
+        average = max(
+            (peak_deviation(mean) for mean, _ in windows if mean.size), default=peak_error
+        )
+        estimators, is_learning, setup = self._estimators, self.is_on, None
+        estimator, history = (
+            estimators.get(lap.method),
+            self._histories.setdefault(lap.method, _CorrectionHistory()),
+        )
+        is_original_setup = any(lap.setup is setup for setup in self._bench.setups)
+        is_uncorrected = is_original_setup and (
+            estimator is None or not any(estimator.applied_values.values())
+        )
+        corrections = {} if is_original_setup else history.corrections_of(lap)
+        better = None if corrections is None else history.find_better(lap, corrections, average)
+        if is_learning and better is not None and estimator is not None:
+            setup = self._restore_best(estimator, *better, average)
+        elif is_learning and self._is_superseded(lap):
+            is_learning, self._skipped_laps = False, self._skipped_laps + 1
+        elif is_learning and lap.history_start >= first and end > self._start_tick:
+            is_earlier = self._pickup_rows[:, 0] < lap.history_start
+            rows = table[lap.history_start - first : end + 1 - first, 1:]
+            rows = np.concatenate([self._pickup_rows[is_earlier, 1:], rows])
+            columns = dict(zip(self._required_columns, rows.T, strict=False))
+            setup = self._update(estimators, lap, columns, len(rows) - lap.tick_count)
+        estimator = estimators.get(lap.method)
+
+        def act() -> None:
+            if estimators is not self._estimators:
+                return  # it was reverted meanwhile
+            if is_uncorrected:
+                self._uncorrected_error[lap.method] = average
+            if setup is not None and estimator is not None:
+                self._bench.correct(setup)
+                history.add(setup, estimator.applied_values)
+            self._record_lap(
+                LearntLap(end, lap.number, lap.method, average, peak_error, is_learning, 0, {}),
+                estimator,
+            )
+
+        run_on_bench(act)
+
+    def _is_superseded(self, lap: StageCycle) -> bool:
+        """Whether a lap after it has ended meanwhile: looking at one takes longer than a lap."""
+        tick = self._bench.tick
+        return any(
+            one.number > lap.number and one.last_tick <= tick for one in tuple(self._bench.cycles)
+        )
+
+    def _restore_best(
+        self, estimator: ParameterEstimator, best: Corrections, best_average: float, average: float
+    ) -> StageSetup:
+        """End learning, and return what the method was corrected by when its laps left least."""
+        estimator.applied_values = dict.fromkeys(estimator.applied_values, 0.0) | dict(best)
+        self._stop(
+            f"the moving average of {estimator.law.method} grew from {1e9 * best_average:.3g} to "
+            f"{1e9 * average:.3g} nm; what left least is in force again"
+        )
+        return estimator.corrected_stage()
+
+    def _update(
+        self,
+        estimators: dict[MethodName, ParameterEstimator],
+        lap: StageCycle,
+        columns: Mapping[str, FloatArray],
+        begin_row: int,
+    ) -> StageSetup | None:
+        """Take a lap in that begins with a row; return what is to be put in force, if anything changes."""
+        method = lap.method
+        if method not in self._laws:
+            self._laws[method] = StageLaw(self._rig, self._magnet, method)
+        estimator = estimators.setdefault(
+            method, ParameterEstimator(self._laws[method], FORGETTING_TIME_S)
+        )
+        before = dict(estimator.applied_values)
+        try:
+            estimator.update(self._laws[method].make_motion(columns, begin_row))
+            estimator.follow_estimate(lap.motion.duration)
+            return None if estimator.applied_values == before else estimator.corrected_stage()
+        except (InputError, np.linalg.LinAlgError) as error:
+            self._stop(str(error))
+            return None
+
+    @property
+    def _refusal(self) -> InputError | None:
+        try:
+            refuse_slow_amplifier(self._rig)
+        except InputError as error:
+            return error
+        if self._rig.calibration_path is None:
+            return None
+        return InputError(
+            f"{self._rig.path}: control.calibration: learning begins without one; leave it out",
+            code="not-both",
+            key="control.calibration",
+        )
+
+
+WINDOW_S, TAIL_S = 1.0, 0.1
+"""Rows of a bearing that are looked at together, and those before of which every one is kept."""
+THINNING_BLOCK_ROWS, MAX_HISTORY_ROWS = 20, 100_000
+"""Of older rows so many become the two that the iron remembers best; beyond so many once more."""
+
+
+class BearingCalibrator(BenchCalibrator):
+    """Calibrates a bearing from every second in which its reference moved; a block is swapped then.
+
+    The firmware lets fade what the current would jump by. Errors are what the force is off by; what
+    nothing would have been learnt for is what the law as it was fitted leaves of the same second.
+    """
+
+    unit = "N"
+
+    def __init__(
+        self,
+        setup: BearingSetup,
+        magnet: IdentifiedMagnet,
+        compile_block: Callable[[Model], Sequence[int]],
+        bench: BearingBench,
+    ) -> None:
+        super().__init__(bench)
+        self._setup, self._bench, self._method = setup, bench, setup.method
+        self._magnet, self._compile_block = (
+            magnet,
+            compile_block,
+        )  # to a block for the running board
+        self._column_indices = {one: _row_index(bench.signals, one) for one in _BEARING_COLUMNS}
+        self._law: BearingLaw | None = None
+        self._history_rows = np.zeros((0, 1 + len(bench.signals)))
+        self._initial_block = self._own_block = bench.read_block()
+        self._corrections: Corrections = {}
+        self._is_waiting = False  # for an armature that lies without a current
+        self._was_worse = False  # whether the last second was worse than without what is applied
+
+    def revert(self) -> int:
+        """Forget all that was learnt, and put in force what the rig file says."""
+        super().revert()
+        return self._swap_block(self._initial_block, {})
+
+    def status(self) -> Mapping[str, Any]:
+        """Return what a page shows beside the laps."""
+        waits = "rows were missed, and what the iron remembers is not known: land, and lift again"
+        shown = super().status()
+        return {**shown, "trouble": shown["trouble"] or (waits if self._is_waiting else "")}
+
+    def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
+        if (
+            len(self._buffer) == 1
+        ):  # the first, or rows were missed: it begins where no current flows
+            self._history_rows = self._history_rows[:0]
+            self._is_waiting = bool(rows[0, self._column_indices["command_A"]] > 0.0)
+            if self._is_waiting:
+                self._buffer.clear()
+                return
+        if sum(map(len, self._buffer)) < (WINDOW_S + TAIL_S) * self._bench.rate:
+            return
+        table = np.concatenate(self._buffer)
+        self._process_window(table, run_on_bench)
+        tail = round(TAIL_S * self._bench.rate)
+        old = _thin_rows(table[:-tail], self._column_indices)
+        self._history_rows = np.concatenate([self._history_rows, old])
+        if len(self._history_rows) > MAX_HISTORY_ROWS:
+            self._history_rows = _thin_rows(self._history_rows, self._column_indices)
+        self._buffer = deque([table[-tail:]])
+
+    def _process_window(self, table: FloatArray, run_on_bench: RunOnBench) -> None:
+        """Learn from a second, and let what was found act."""
+        if self._refusal is not None:
+            return
+        setup = self._setup
+        law = self._law = self._law or BearingLaw(
+            setup.rig, setup.controller, self._magnet, self._method
+        )
+        rows = np.concatenate([self._history_rows, table])
+        columns = {name: rows[:, place] for name, place in self._column_indices.items()}
+        begin_row = len(self._history_rows) + round(TAIL_S * self._bench.rate)
+        motion = law.make_motion(columns, begin_row)
+        indices = motion.compared_indices
+        if indices.size < MIN_COMPARISONS:
+            return
+        force_error = (
+            motion.measured_force - motion.filter_force(columns["demand_N"], motion.delay_ticks)
+        )[indices]
+        zero_corrections = dict.fromkeys(law.names, 0.0)
+        uncorrected_rms_N = rms(
+            (motion.measured_force - law.net_force(motion, zero_corrections))[indices]
+        )
+        end, estimators, is_learning = int(table[-1, 0]), self._estimators, self.is_on
+        is_worse = any(self._corrections.values())
+        is_worse = is_worse and rms(force_error) > MAX_ERROR_GROWTH * max(
+            uncorrected_rms_N, law.max_residual_ratio * motion.force_rms
+        )
+        should_revert, self._was_worse = is_worse and self._was_worse, is_worse
+        update = None
+        if is_learning and not should_revert and end - len(table) >= self._start_tick:
+            update = self._update(estimators, law, motion)
+
+        def act() -> None:
+            if estimators is not self._estimators:
+                return  # it was reverted meanwhile
+            self._uncorrected_error[self._method] = uncorrected_rms_N
+            if should_revert:
+                self.revert()
+                self._stop(
+                    f"the force was off by {rms(force_error):.3g} N, and by {uncorrected_rms_N:.3g} N without what "
+                    "was learnt, which is in force no more"
+                )
+            elif update is not None:
+                self._swap_block(*update)
+            lap = LearntLap(
+                end,
+                0,
+                self._method,
+                rms(force_error),
+                peak_deviation(force_error),
+                is_learning,
+                0,
+                {},
+            )
+            self._record_lap(lap, self._estimators.get(self._method))
+
+        run_on_bench(act)
+
+    def _update(
+        self, estimators: dict[MethodName, ParameterEstimator], law: BearingLaw, motion: Motion
+    ) -> tuple[Sequence[int], Corrections] | None:
+        """Take a second in; return the block that is to be put in force, if anything changes."""
+        estimator = estimators.setdefault(self._method, ParameterEstimator(law, FORGETTING_TIME_S))
+        try:
+            estimator.update(motion)
+            estimator.follow_estimate(WINDOW_S)
+            corrections = dict(estimator.applied_values)
+            if all(
+                abs(one - self._corrections.get(name, 0.0))
+                <= MIN_SWAP_CHANGE * estimator.prior_sigma[name]
+                for name, one in corrections.items()
+            ):
+                return None
+            gap_zero = corrections["gap_zero_m"]
+            gap_margin = 2.0 * abs(gap_zero)  # the gaps of the board stay those of the build
+            magnet = calibrate_magnet(
+                self._magnet, corrections["scale_1"], gap_zero, corrections["width"], gap_margin
+            )
+            return self._compile_block(magnet.model), corrections
+        except (InputError, np.linalg.LinAlgError) as error:
+            self._stop(str(error))
+            return None
+
+    def _swap_block(self, words: Sequence[int], corrections: Corrections) -> int:
+        """Put a block in force, unless somebody swapped another model in; in the bench's thread."""
+        current_block = self._bench.read_block()
+        if set_generation(current_block, 0) != set_generation(self._own_block, 0):
+            self._stop("another model is in force")
+            return self._bench.tick
+        self._own_block = set_generation(words, (current_block[GENERATION_INDEX] + 1) & 0xFFFF)
+        self._corrections = corrections
+        return self._bench.swap_block(self._own_block)
+
+    @property
+    def _refusal(self) -> InputError | None:
+        rig, reason = self._setup.rig, ""
+        if rig.calibration_path is not None:
+            reason = "control.calibration: learning begins without one; leave it out"
+        elif len(rig.settings.body_magnets) > 1:
+            reason = "both magnets of a pair share one block; calibrate from a recording"
+        elif self._method != "full":
+            reason = f"'{self._method}' is not calibrated while it runs; choose 'full'"
+        return InputError(f"{rig.path}: {reason}", code="not-learnt-here") if reason else None
+
+
+def _thin_rows(rows: FloatArray, columns: Mapping[str, int]) -> FloatArray:
+    """Keep of each block of rows those at which the magnet is driven least and most."""
+    blocks = len(rows) // THINNING_BLOCK_ROWS
+    row_count = blocks * THINNING_BLOCK_ROWS
+    drive = rows[:row_count, columns["command_A"]] / rows[:row_count, columns["gap_read_m"]]
+    drive = drive.reshape(blocks, THINNING_BLOCK_ROWS)
+    ends = np.column_stack([drive.argmin(axis=1), drive.argmax(axis=1)])
+    selected = np.unique(ends + THINNING_BLOCK_ROWS * np.arange(blocks)[:, None])
+    return np.concatenate([rows[selected], rows[row_count:]])
+
+
+def _row_index(signals: Sequence[Signal], header: str) -> int:
+    """Return where a column of a recording is in the rows of a bench."""
+    return 1 + [column_name(signal.name, signal.unit) for signal in signals].index(header)

@@ -1,0 +1,108 @@
+"""Distinguish the lag of a coil behind its voltage from hysteresis.
+
+A voltage drives the current of a coil through its resistance R and its inductance L, so the current
+lags by about L/R. At one speed that lag opens a loop, which looks like hysteresis. Therefore, curves
+of the lagging input are compared with curves and play operators of the input itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from anhyst.data.estimates import estimate_noise
+from anhyst.data.loops import Loop, Loops
+from anhyst.data.output_map import full_scale, output_map
+from anhyst.data.path import find_branches
+from anhyst.data.static_fit import EvenRecord, resample_evenly, static_fit_rms
+from anhyst.support.numeric import FloatArray, recursive_sum
+
+MIN_LOOP_SHARE = 0.003
+"""Smallest rms that curves of the input leave of a loop worth explaining, in parts of the full scale."""
+MIN_LOOP_NOISE_RATIO = 1.3
+MAX_LAG_ONLY_RATIO = 1.15
+"""A lag explains a loop if it leaves at most this multiple of what hysteresis leaves."""
+MAX_LAG_WITH_PLAYS_RATIO = 0.8
+"""A lag is a part of a loop if hysteresis with it leaves this part of what hysteresis alone leaves."""
+_MAX_SAMPLES = 4096
+_MAX_LOOPS = 2
+_MIN_LAG_SHARE, _MAX_LAG_SHARE = 1.0 / 300.0, 0.5
+"""Limits of the lag in parts of the mean duration of a branch."""
+_LAG_COUNT = 15
+_LAG_COUNT_WITH_PLAYS = 8
+
+
+def describe_coil_lag(loopset: Loops) -> str:
+    """Return the sentence about the lag of a coil behind its voltage; empty without one."""
+    output = output_map(loopset.output)
+    if loopset.input.name != "voltage" or not output.is_flux_based:
+        return ""
+    loops = sorted(loopset.loops, key=lambda loop: -float(np.ptp(loop.output)))[:_MAX_LOOPS]
+    scale = full_scale(loopset.output, (loop.output for loop in loops))
+    for loop in loops:
+        if (found := _estimate_lag(loop, scale)) is not None:
+            lag, share = found
+            size = f"{lag:.2g} samples" if loop.time is None else f"{1e3 * lag:.2g} ms"
+            return (
+                f"{'most' if share > 0.5 else 'a part'} of the loop looks like a lag of about "
+                f"{size} of the {loopset.output.name.replace('_', ' ')} behind the voltage (L/R of "
+                "a coil), not like hysteresis; record the current instead (a shunt), or measure at "
+                "a tenth of the speed"
+            )
+    return ""
+
+
+def _estimate_lag(loop: Loop, scale: float) -> tuple[float, float] | None:
+    """Return the lag, s (samples without a clock), and its share of the loop; None without one."""
+    record = resample_evenly(loop)
+    if record is None:
+        return None
+    record = record.limited_to(_MAX_SAMPLES)
+    curve_rms = static_fit_rms(record.drive, record.output, with_plays=False)
+    if curve_rms < max(
+        MIN_LOOP_SHARE * scale, MIN_LOOP_NOISE_RATIO * estimate_noise(record.output)
+    ):
+        return None
+    duration = record.step * record.drive.size / len(find_branches(record.drive))
+    lags = np.geomspace(
+        max(_MIN_LAG_SHARE * duration, 0.1 * record.step), _MAX_LAG_SHARE * duration, _LAG_COUNT
+    )
+    lag_rms, lag = _find_best_lag(record, lags, with_plays=False)
+    lag_rms, lag = min(
+        (lag_rms, lag),
+        _find_best_lag(record, lag * np.linspace(0.7, 1.4, _LAG_COUNT), with_plays=False),
+    )
+    play_rms = static_fit_rms(record.drive, record.output)
+    if lag_rms <= MAX_LAG_ONLY_RATIO * play_rms:
+        return lag, 1.0 - lag_rms / curve_rms
+    shorter = lag * np.linspace(0.15, 1.2, _LAG_COUNT_WITH_PLAYS)
+    lag_and_play_rms, lag = _find_best_lag(record, shorter, with_plays=True)
+    if lag_and_play_rms > MAX_LAG_WITH_PLAYS_RATIO * play_rms:
+        return None
+    same_lag_rms = static_fit_rms(_apply_lag(record, lag), record.output, with_plays=False)
+    return lag, max(1.0 - same_lag_rms / curve_rms, 0.0)
+
+
+def _find_best_lag(
+    record: EvenRecord, lags: Sequence[float] | FloatArray, *, with_plays: bool
+) -> tuple[float, float]:
+    return min(
+        (
+            static_fit_rms(_apply_lag(record, float(lag)), record.output, with_plays=with_plays),
+            float(lag),
+        )
+        for lag in lags
+    )
+
+
+def _apply_lag(record: EvenRecord, lag: float) -> FloatArray:
+    """Return an input, straight between samples, behind a first-order lag."""
+    decay = float(np.exp(-record.step / lag))
+    mean = (1.0 - decay) * lag / record.step
+    start = record.drive[0]
+    drive = record.drive - start
+    source = (1.0 - mean) * drive
+    source[1:] += (mean - decay) * drive[:-1]
+    lagging: FloatArray = start + recursive_sum(source, decay)
+    return lagging

@@ -1,0 +1,85 @@
+"""Tables that hold several loops side by side: a column or a group for each gap, or two tables."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+
+from anhyst.data.output_map import OUTPUT_MAPS
+from anhyst.support.errors import InputError
+from anhyst.support.units import DRIVE_QUANTITIES, Header, find_unit
+
+_LENGTH_PATTERN = re.compile(r"(?<![\w.,])_?(?P<number>\d+(?:[.,]\d+)?)[ _]?(?P<unit>[a-zµμ]+)(?![a-z])|"
+                     r"(?<=_)(?P<number2>\d+(?:[.,]\d+)?)[ _]?(?P<unit2>[a-zµμ]+)(?![a-z])",
+                     re.IGNORECASE)  # fmt: skip
+_REPEATED_NAME = re.compile(r"(.+)#[2-9]\d*")
+_MAX_SHOWN = 4
+
+
+def refuse_wide_table(source: str, headers: Sequence[Header]) -> None:
+    """Refuse several loops side by side, unless the user maps columns of one of them."""
+    if any(header.target for header in headers):
+        return
+    texts = [header.text for header in headers if not header.is_clock]
+    repeated_names = [match[1] for text in texts if (match := _REPEATED_NAME.fullmatch(text))]
+    quantities = {
+        one.quantity.name for one in headers if one.text in repeated_names and one.quantity
+    }
+    if len(quantities.intersection((*DRIVE_QUANTITIES, *OUTPUT_MAPS))) > 1:
+        raise InputError(
+            f"{source}: two tables are side by side: the columns {_quote_names(repeated_names)} come again; write "
+            "each table to a file of its own, with its gap in the file name",
+            code="tables-side-by-side",
+        )
+    names_by_pattern: defaultdict[str, list[str]] = defaultdict(list)
+    groups: defaultdict[str, list[str]] = defaultdict(list)
+    for text in texts:
+        if (pattern := _LENGTH_PATTERN.sub(_mask_length, text)) != text:
+            names_by_pattern[pattern].append(text)
+        group, slash, name = text.rpartition("/")
+        if slash:
+            groups[name].append(group)
+    for alike_names in names_by_pattern.values():
+        if len(alike_names) > 1 and not _have_input_and_output(
+            [one for one in headers if one.text not in alike_names]
+        ):
+            _refuse_side_by_side(
+                source,
+                f"the columns {_quote_names(alike_names)} hold the same quantity at several gaps",
+            )
+    groups_by_channel = {name: tuple(found) for name, found in groups.items() if len(found) > 1}
+    if (
+        len(groups_by_channel) > 1
+        and len(set(groups_by_channel.values())) == 1
+        and "gap_mm" in groups_by_channel
+    ):
+        _refuse_side_by_side(
+            source,
+            f"the groups {_quote_names(next(iter(groups_by_channel.values())))} hold the same channels",
+        )
+
+
+def _have_input_and_output(headers: Sequence[Header]) -> bool:
+    known = {one.quantity.name for one in headers if one.is_known and one.quantity}
+    return not known.isdisjoint(DRIVE_QUANTITIES) and not known.isdisjoint(OUTPUT_MAPS)
+
+
+def _mask_length(match: re.Match[str]) -> str:
+    """Return a mark in place of a length; other numbers with units stay."""
+    unit = find_unit(match["unit"] or match["unit2"])
+    return "*" if unit is not None and unit.dimension == "length" else match[0]
+
+
+def _refuse_side_by_side(source: str, fault: str) -> None:
+    raise InputError(
+        f"{source}: {fault}, and one table holds one loop after the other; put the rows below each "
+        "other with a column 'gap_mm', or write a file for each gap with the gap in its name; to use "
+        'one of them only, map it: --columns "NAME=I_A,NAME=F_N" with the names of its columns',
+        code="loops-side-by-side",
+    )
+
+
+def _quote_names(names: Sequence[str]) -> str:
+    shown = ", ".join(f"'{name}'" for name in names[:_MAX_SHOWN])
+    return shown if len(names) <= _MAX_SHOWN else f"{shown} and more"
