@@ -12,7 +12,8 @@
 #   make format  lay out Python and C sources
 #   make messages  gather how every error is worded
 #   make docs    the documentation site, in build/site/
-#   make house   count rooms, imports, circles, lines; follow a model to C and a rig to a recording
+#   make house   count rooms, imports, circles, lines; follow a model to C and a rig to a recording;
+#                count sentences and names that are hard to read
 #   make build   compile the core again, install what tests and checks need
 #   make clean   remove what make made, .venv too
 #   make wheel   wheels for Linux in dist/, tried in an empty environment; PYTHONS="p q" for others
@@ -61,6 +62,7 @@ messages: build
 
 house: build
 	@$(BIN)/python -m tools.house
+	@$(BIN)/python -m tools.plain_english
 
 prove: build
 	@$(BIN)/python -m tools.prove
