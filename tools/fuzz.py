@@ -28,24 +28,24 @@ from anhyst.support.units import QUANTITIES
 from anhyst_rigs.link.firmware import actuator_defines
 
 ROOT = Path(__file__).resolve().parents[1]
-KINDS = ("full", "simplified")
-MASTERS = ("xcp-1", "xcp-2")
+VARIANTS = ("full", "simplified")
+XCP_RUNS = ("xcp-1", "xcp-2")
 """Of XCP alone: two, from seeds of their own."""
 
-RATE = 100.0
+TICK_RATE_HZ = 100.0
 """Ticks a second: few, so that a tenth of a second, the heartbeat, is a few ticks of a script."""
 
-FLAGS = [
+COMPILER_FLAGS = [
     *("-std=c99", "-O2", "-g", "-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all"),
     # Comparisons need not be traced: the harness makes valid frames itself. Twice as fast.
     "-fno-sanitize-coverage=trace-cmp,trace-div,trace-gep",
 ]
 NAME = "magnet"
-LENGTH_MOST = 160
+MAX_SCRIPT_BYTES = 160
 """Bytes of a script."""
 
 
-def small_magnet() -> Model:
+def make_small_magnet() -> Model:
     """Return an electromagnet with two gaps."""
     gaps = (0.3e-3, 0.6e-3)
     parameters: dict[str, Parameter] = {"M_s": 1e6, "a": 1000.0, "k": 700.0, "c": 0.2}
@@ -63,12 +63,14 @@ def small_magnet() -> Model:
     )
 
 
-def build(kind: str, folder: Path, clang: str) -> Path:
+def build_harness(run_name: str, folder: Path, clang: str) -> Path:
     """Compile the compensator and the harness on it; return the program."""
-    compiled = folder / f"compiled-{kind}"
-    alone = kind in MASTERS
-    law = KINDS[1] if alone else kind
-    compile_model(folder / "model.toml", compiled, CompileRequest(law, "q31", RATE, name=NAME))  # type: ignore[arg-type]
+    compiled = folder / f"compiled-{run_name}"
+    is_xcp_only = run_name in XCP_RUNS
+    variant = VARIANTS[1] if is_xcp_only else run_name
+    compile_model(
+        folder / "model.toml", compiled, CompileRequest(variant, "q31", TICK_RATE_HZ, name=NAME)
+    )  # type: ignore[arg-type]
     sources = [
         ROOT / "tests" / "firmware" / "fuzz_firmware.c",
         *sorted(ROOT.glob("firmware/link/*.c")),
@@ -79,27 +81,29 @@ def build(kind: str, folder: Path, clang: str) -> Path:
         *sorted(compiled.glob("src/*/*.c")),
         *compiled.glob("*_parameters.c"),
     ]
-    program = folder / f"fuzz-{kind}"
+    program = folder / f"fuzz-{run_name}"
     include = (ROOT / "firmware", compiled / "include", ROOT / "core" / "include", compiled)
     options = [f"-I{place}" for place in include]
     options += [f"-D{key}={value}" for key, value in actuator_defines(NAME).items()]
-    options += ["-DFUZZ_XCP"] if alone else []
-    subprocess.run([clang, *FLAGS, *options, *map(str, sources), "-o", str(program)], check=True)
+    options += ["-DFUZZ_XCP"] if is_xcp_only else []
+    subprocess.run(
+        [clang, *COMPILER_FLAGS, *options, *map(str, sources), "-o", str(program)], check=True
+    )
     return program
 
 
-def begin(kind: str, program: Path, runs: int, seed: int) -> subprocess.Popen[str]:
+def start_run(run_name: str, program: Path, runs: int, seed: int) -> subprocess.Popen[str]:
     """Start a run; its corpus begins empty."""
-    corpus = program.with_name(f"corpus-{kind}")
+    corpus = program.with_name(f"corpus-{run_name}")
     shutil.rmtree(corpus, ignore_errors=True)
     corpus.mkdir()
     options = {
-        "max_len": LENGTH_MOST,
+        "max_len": MAX_SCRIPT_BYTES,
         "runs": runs,
         "seed": seed,
         "entropic": 0,
         "reduce_inputs": 0,
-        "artifact_prefix": f"{program.parent}/{kind}-",
+        "artifact_prefix": f"{program.parent}/{run_name}-",
     }
     command = [str(program), *(f"-{name}={value}" for name, value in options.items()), str(corpus)]
     log = program.with_suffix(".log").open("w", encoding="utf-8")
@@ -114,31 +118,35 @@ def fuzz(runs: int, seed: int, folder: Path) -> int:
         print("clang is not installed: apt install clang libclang-rt-dev")
         return 2
     folder.mkdir(parents=True, exist_ok=True)
-    write_model(small_magnet(), folder / "model.toml")
-    broken = sum(side_by_side(pair, runs, seed, folder, clang) for pair in (MASTERS, KINDS))
-    return 1 if broken else 0
+    write_model(make_small_magnet(), folder / "model.toml")
+    failures = sum(
+        run_in_parallel(pair, runs, seed, folder, clang) for pair in (XCP_RUNS, VARIANTS)
+    )
+    return 1 if failures else 0
 
 
-def side_by_side(kinds: tuple[str, str], runs: int, seed: int, folder: Path, clang: str) -> int:
+def run_in_parallel(
+    run_names: tuple[str, str], runs: int, seed: int, folder: Path, clang: str
+) -> int:
     """Build and run two, half of the inputs each; return how many broke."""
-    programs = {kind: build(kind, folder, clang) for kind in kinds}
+    programs = {run_name: build_harness(run_name, folder, clang) for run_name in run_names}
     running = {
-        kind: begin(kind, programs[kind], runs // 2, seed + number)
-        for number, kind in enumerate(kinds)
+        kind: start_run(kind, programs[kind], runs // 2, seed + number)
+        for number, kind in enumerate(run_names)
     }
-    broken = 0
+    failures = 0
     for kind, process in running.items():
         code = process.wait()
         log = programs[kind].with_suffix(".log").read_text(encoding="utf-8", errors="replace")
         edges = re.findall(r"cov: (\d+)", log)
-        done = re.findall(r"^Done (\d+) runs in (\d+) second", log, re.MULTILINE)
-        if code == 0 and done:
-            inputs, seconds = done[-1]
+        summaries = re.findall(r"^Done (\d+) runs in (\d+) second", log, re.MULTILINE)
+        if code == 0 and summaries:
+            inputs, seconds = summaries[-1]
             print(f"{kind}: {inputs} inputs in {seconds} s, {edges[-1]} edges reached, no fault")
         else:
-            broken += 1
+            failures += 1
             print(f"{kind}: broken\n{log[-3000:]}")
-    return broken
+    return failures
 
 
 def main() -> int:

@@ -34,86 +34,103 @@ from anhyst.data.table import list_channels  # noqa: E402
 from anhyst.support.errors import InputError  # noqa: E402
 from tests.data import logger_layouts, recordings  # noqa: E402
 
-BATCH = 100
+FILES_PER_PROCESS = 100
 """Files a process."""
-SIZES = (0, 1, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 1 << 40, (1 << 64) - 1)
+EXTREME_SIZES = (
+    0,
+    1,
+    0xFF,
+    0x7FFF,
+    0xFFFF,
+    0x7FFFFFFF,
+    0x80000000,
+    0xFFFFFFFF,
+    1 << 40,
+    (1 << 64) - 1,
+)
 
 
-def good_files(folder: Path) -> dict[str, list[bytes]]:
+def make_good_files(folder: Path) -> dict[str, list[bytes]]:
     """Return recordings as each format may hold them."""
     times, current, force = recordings.loop(50.0)
     phase = np.array([f"p{n // 20}" for n in range(times.size)])
-    parts = [
+    groups = [
         ChannelGroup("bench", Series("t", "s", times), (
             Series("I", "A", current), Series("F", "N", force.astype(np.float32)),
             Series("n", "", np.arange(times.size)), Series("phase", "", phase))),
         ChannelGroup("oven", Series("t", "s", times[::5]), (Series("T", "degC", current[::5]),)),
     ]  # fmt: skip
-    made: dict[str, list[Path]] = {}
+    paths_by_suffix: dict[str, list[Path]] = {}
     for suffix in (".mat", ".mf4", ".tdms", ".h5", ".parquet"):
-        made[suffix] = [folder / f"good{suffix}"]
-        WRITERS[suffix](made[suffix][0], parts[:1] if suffix == ".parquet" else parts)
+        paths_by_suffix[suffix] = [folder / f"good{suffix}"]
+        WRITERS[suffix](paths_by_suffix[suffix][0], groups[:1] if suffix == ".parquet" else groups)
     for make in (
         recordings.with_time, recordings.time_series, recordings.matlab_73,
         recordings.control_desk, recordings.object_in_v5,
     ):  # fmt: skip
-        made[".mat"].append(make(folder / f"{make.__name__}.mat"))
+        paths_by_suffix[".mat"].append(make(folder / f"{make.__name__}.mat"))
     rows = zip(times.tolist(), current.tolist(), force.tolist(), strict=True)
     table = [["t", "I", "F"], ["s", "A", "N"], *map(list, rows)]
-    made[".xlsx"] = [recordings.workbook(folder / "good.xlsx", table)]
-    contents = {suffix: [path.read_bytes() for path in paths] for suffix, paths in made.items()}
+    paths_by_suffix[".xlsx"] = [recordings.workbook(folder / "good.xlsx", table)]
+    contents = {
+        suffix: [path.read_bytes() for path in paths] for suffix, paths in paths_by_suffix.items()
+    }
     exports = [layout() for layout in logger_layouts.LAYOUTS]
     contents[".csv"] = [export.text.encode(export.encoding) for export in exports]
     return contents
 
 
-def damaged(content: bytes, chance: random.Random) -> bytes:
+def damage(content: bytes, generator: random.Random) -> bytes:
     """Damage a file in one to eight places, the first bytes as often as all others."""
     data = bytearray(content)
-    for _ in range(chance.choice((1, 1, 1, 2, 4, 8))):
+    for _ in range(generator.choice((1, 1, 1, 2, 4, 8))):
         if not data:
             break
-        place = chance.randrange(len(data) if chance.random() < 0.5 else min(len(data), 2048))
-        match chance.randrange(6):
+        position = generator.randrange(
+            len(data) if generator.random() < 0.5 else min(len(data), 2048)
+        )
+        match generator.randrange(6):
             case 0:
-                data[place] ^= 1 << chance.randrange(8)
+                data[position] ^= 1 << generator.randrange(8)
             case 1:
-                data[place] = chance.randrange(256)
+                data[position] = generator.randrange(256)
             case 2:
-                width = chance.choice((2, 4, 8))
-                number = chance.choice(SIZES) & ((1 << 8 * width) - 1)
-                data[place : place + width] = number.to_bytes(width, "little")
+                width = generator.choice((2, 4, 8))
+                number = generator.choice(EXTREME_SIZES) & ((1 << 8 * width) - 1)
+                data[position : position + width] = number.to_bytes(width, "little")
             case 3:
-                del data[place:]
+                del data[position:]
             case 4:
-                other = chance.randrange(len(data))
-                data[place : place + chance.randrange(64)] = data[other : other + 64]
+                source_position = generator.randrange(len(data))
+                data[position : position + generator.randrange(64)] = data[
+                    source_position : source_position + 64
+                ]
             case 5:
-                del data[place : place + chance.randrange(1, 64)]
+                del data[position : position + generator.randrange(1, 64)]
     return bytes(data)
 
 
-def damaged_archive(content: bytes, chance: random.Random) -> bytes:
+def damage_archive(content: bytes, generator: random.Random) -> bytes:
     """Damage one member of a zip file, which is then whole again."""
     packed = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(packed, "w") as new:
-        chosen = chance.choice(old.namelist())
+        chosen = generator.choice(old.namelist())
         for name in old.namelist():
             member = old.read(name)
-            new.writestr(name, damaged(member, chance) if name == chosen else member)
+            new.writestr(name, damage(member, generator) if name == chosen else member)
     return packed.getvalue()
 
 
-def make(suffix: str, seeds: list[bytes], number: int) -> bytes:
+def make_damaged_file(suffix: str, seeds: list[bytes], number: int) -> bytes:
     """Return the damaged file of a number."""
-    chance = random.Random(f"{suffix} {number}")
-    content = chance.choice(seeds)
-    if suffix == ".xlsx" and chance.random() < 0.7:
-        return damaged_archive(content, chance)
-    return damaged(content, chance)
+    generator = random.Random(f"{suffix} {number}")
+    content = generator.choice(seeds)
+    if suffix == ".xlsx" and generator.random() < 0.7:
+        return damage_archive(content, generator)
+    return damage(content, generator)
 
 
-def look(path: Path) -> str:
+def try_file(path: Path) -> str:
     """List the channels of a file, and say how that ended."""
     try:
         list_channels(path)
@@ -127,10 +144,10 @@ def look(path: Path) -> str:
     return "read"
 
 
-def batch(suffix: str, seeds: list[bytes], numbers: range, folder: Path) -> int:
+def run_batch(suffix: str, seeds: list[bytes], numbers: range, folder: Path) -> int:
     """Look at some files in a process of its own; return how many came to an end."""
-    said = folder / "said"
-    said.write_text("")
+    results_file = folder / "said"
+    results_file.write_text("")
     child = os.fork()
     if child == 0:
         sys.stderr = (folder / "faults.txt").open("a", encoding="utf-8")
@@ -139,13 +156,13 @@ def batch(suffix: str, seeds: list[bytes], numbers: range, folder: Path) -> int:
         for number in numbers:
             limit_resources(MIN_CPU_TIME_S, 0)
             path = folder / f"damaged{suffix}"
-            path.write_bytes(make(suffix, seeds, number))
-            result = look(path)
-            with said.open("a", encoding="utf-8") as file:
+            path.write_bytes(make_damaged_file(suffix, seeds, number))
+            result = try_file(path)
+            with results_file.open("a", encoding="utf-8") as file:
                 file.write(result + "\n")
         os._exit(0)
     os.waitpid(child, 0)
-    return len(said.read_text().split("\n")) - 1
+    return len(results_file.read_text().split("\n")) - 1
 
 
 def main() -> int:
@@ -154,37 +171,41 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "fuzz-files")
-    given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
-    seeds = good_files(given.out)
-    following = dict.fromkeys(seeds, 1_000_000 * given.seed)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    seeds = make_good_files(options.out)
+    next_numbers = dict.fromkeys(seeds, 1_000_000 * options.seed)
     counts: collections.Counter[str] = collections.Counter()
-    bad = 0
-    end = time.monotonic() + given.seconds
-    while time.monotonic() < end:
+    failures = 0
+    end_time = time.monotonic() + options.seconds
+    while time.monotonic() < end_time:
         for suffix, files in seeds.items():
-            first = following[suffix]
-            done = batch(suffix, files, range(first, first + BATCH), given.out)
-            results = (given.out / "said").read_text().split("\n")[:-1]
+            first = next_numbers[suffix]
+            completed = run_batch(
+                suffix, files, range(first, first + FILES_PER_PROCESS), options.out
+            )
+            results = (options.out / "said").read_text().split("\n")[:-1]
             counts.update(f"{suffix} {result}" for result in results)
-            wrong = [
-                n for n, one in enumerate(results) if one not in {"read", "refused", "too large"}
+            failed_indices = [
+                n
+                for n, result in enumerate(results)
+                if result not in {"read", "refused", "too large"}
             ]
-            for place in wrong:
-                kept = given.out / f"wrong-{first + place}{suffix}"
-                kept.write_bytes(make(suffix, files, first + place))
-            bad += len(wrong)
-            if done < BATCH:  # the process died of the next one
-                kept = given.out / f"crash-{first + done}{suffix}"
-                kept.write_bytes(make(suffix, files, first + done))
-                result = look(kept)
+            for index in failed_indices:
+                saved_file = options.out / f"wrong-{first + index}{suffix}"
+                saved_file.write_bytes(make_damaged_file(suffix, files, first + index))
+            failures += len(failed_indices)
+            if completed < FILES_PER_PROCESS:  # the process died of the next one
+                saved_file = options.out / f"crash-{first + completed}{suffix}"
+                saved_file.write_bytes(make_damaged_file(suffix, files, first + completed))
+                result = try_file(saved_file)
                 counts.update([f"{suffix} crashes a library, then {result}"])
-                bad += result != "refused"
-                done += 1
-            following[suffix] = first + done
+                failures += result != "refused"
+                completed += 1
+            next_numbers[suffix] = first + completed
     for name, count in sorted(counts.items()):
         print(f"{name}: {count}")
-    return 1 if bad else 0
+    return 1 if failures else 0
 
 
 if __name__ == "__main__":

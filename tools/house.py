@@ -28,7 +28,7 @@ RECORD = ROOT / "tools" / "house.json"
 PAGE = ROOT / "ARCHITECTURE.md"
 TABLE = re.compile(r"(<!-- made by make house -->\n).*?(<!-- end -->\n)", re.DOTALL)
 
-TEXTS = {
+DESCRIPTIONS = {
     "rooms": "rooms at the top of the parts",
     "pairs": "pairs of rooms of which one imports the other",
     "module circles": "circles of modules",
@@ -58,35 +58,43 @@ BUDGETS = {
     **{"changelog": 600, "architecture": 1_800},
 }
 """What the record is to fall to."""
-STEPS = {"files": 10, "code": 500, **dict.fromkeys(PARTS, 100)}
-STEPS |= {"C core": 100, "C rigs": 100, "C parts": 100, "changelog": 100, "architecture": 100}
+ROUNDING_STEPS = {"files": 10, "code": 500, **dict.fromkeys(PARTS, 100)}
+ROUNDING_STEPS |= {
+    "C core": 100,
+    "C rigs": 100,
+    "C parts": 100,
+    "changelog": 100,
+    "architecture": 100,
+}
 """What changes with every commit is recorded rounded up to these."""
 
 Graph = dict[str, set[str]]
 
 
-def count() -> dict[str, int]:
+def count_metrics() -> dict[str, int]:
     """Return every number of the house as it stands."""
     files = {
-        _module(path, source): path for source in PARTS.values() for path in source.rglob("*.py")
+        _module_name(path, source): path
+        for source in PARTS.values()
+        for path in source.rglob("*.py")
     }
     texts = {name: path.read_text("utf-8") for name, path in files.items()}
     trees = {name: ast.parse(text) for name, text in texts.items()}
-    modules = imports(trees)
+    modules = find_imports(trees)
     packages = {name for name, path in files.items() if path.name == "__init__.py"}
-    folders = _merged(modules, lambda name: name if name in packages else name.rpartition(".")[0])
-    rooms = _merged(modules, lambda name: ".".join(name.split(".")[:2]))
+    folders = _merge(modules, lambda name: name if name in packages else name.rpartition(".")[0])
+    rooms = _merge(modules, lambda name: ".".join(name.split(".")[:2]))
     return {
         "rooms": len(rooms),
         "pairs": sum(map(len, rooms.values())),
-        "module circles": len(circles(modules)),
-        "folder circles": len(circles(folders)),
-        "wrong way": wrong_way(imports(trees, tops=True)),
-        "kind tests": sum(map(_kind_tests, trees.values())),
+        "module circles": len(find_cycles(modules)),
+        "folder circles": len(find_cycles(folders)),
+        "wrong way": count_upward_imports(find_imports(trees, include_top_packages=True)),
+        "kind tests": sum(map(_count_kind_tests, trees.values())),
         "several": sum(text.count(".several") for text in texts.values()),
-        **walks(),
+        **measure_walks(),
         "files": len(texts),
-        "code": sum(_code_lines(text, trees[name]) for name, text in texts.items()),
+        "code": sum(_count_code_lines(text, trees[name]) for name, text in texts.items()),
         **{
             part: sum(
                 len(texts[name].splitlines())
@@ -95,15 +103,15 @@ def count() -> dict[str, int]:
             )
             for part, source in PARTS.items()
         },
-        "C core": _lines_of_c(ROOT / "core"),
-        "C rigs": _lines_of_c(ROOT / "plant", ROOT / "firmware"),
-        "C parts": _lines_of_c(*PARTS.values()),
+        "C core": _count_c_lines(ROOT / "core"),
+        "C rigs": _count_c_lines(ROOT / "plant", ROOT / "firmware"),
+        "C parts": _count_c_lines(*PARTS.values()),
         "changelog": len((ROOT / "CHANGELOG.md").read_text("utf-8").split()),
         "architecture": len(TABLE.sub("", PAGE.read_text("utf-8")).split()),
     }
 
 
-def walks() -> dict[str, int]:
+def measure_walks() -> dict[str, int]:
     """Return files and returns of both ways, measured in a process of its own: what is made once counts."""
     command = [sys.executable, "-m", "tools.walks"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
@@ -111,16 +119,20 @@ def walks() -> dict[str, int]:
     return {f"{way}, {what}": n for way, each in measured.items() for what, n in each.items()}
 
 
-def imports(trees: Mapping[str, ast.Module], *, tops: bool = False) -> Graph:
+def find_imports(trees: Mapping[str, ast.Module], *, include_top_packages: bool = False) -> Graph:
     """Return which modules each one imports, wherever the import stands; of the tops if asked for."""
     return {
-        name: {one for one in _targets(tree, trees) if one != name and (tops or "." in one)}
+        name: {
+            one
+            for one in _find_targets(tree, trees)
+            if one != name and (include_top_packages or "." in one)
+        }
         for name, tree in trees.items()
-        if tops or "." in name
+        if include_top_packages or "." in name
     }
 
 
-def wrong_way(graph: Graph) -> int:
+def count_upward_imports(graph: Graph) -> int:
     """Return how many imports lead from a part into one that needs it."""
     rank = {part.replace("-", "_"): at for at, part in enumerate(PARTS)}
     return sum(
@@ -130,53 +142,55 @@ def wrong_way(graph: Graph) -> int:
     )
 
 
-def circles(graph: Graph) -> list[set[str]]:
+def find_cycles(graph: Graph) -> list[set[str]]:
     """Return the groups of names that lead to each other."""
-    reached = {name: _reached(graph, name) for name in graph}
+    reachable = {name: _find_reachable(graph, name) for name in graph}
     groups = {
-        frozenset(other for other in reached[name] if name in reached[other]) for name in graph
+        frozenset(other for other in reachable[name] if name in reachable[other]) for name in graph
     }
     return [set(group) for group in groups if len(group) > 1]
 
 
-def recorded(numbers: Mapping[str, int]) -> dict[str, int]:
+def round_up(metrics: Mapping[str, int]) -> dict[str, int]:
     """Return the numbers as the record and the page give them: rounded up where they flicker."""
     return {
-        name: -(-value // STEPS.get(name, 1)) * STEPS.get(name, 1)
-        for name, value in numbers.items()
+        name: -(-value // ROUNDING_STEPS.get(name, 1)) * ROUNDING_STEPS.get(name, 1)
+        for name, value in metrics.items()
     }
 
 
-def table(numbers: Mapping[str, int]) -> str:
+def format_table(metrics: Mapping[str, int]) -> str:
     """Return the rows of ARCHITECTURE.md."""
     rows = "\n".join(
-        f"| {TEXTS[name]} | {value:,} | {f'{BUDGETS[name]:,}' if name in BUDGETS else ''} |"
-        for name, value in recorded(numbers).items()
+        f"| {DESCRIPTIONS[name]} | {value:,} | {f'{BUDGETS[name]:,}' if name in BUDGETS else ''} |"
+        for name, value in round_up(metrics).items()
     )
     return f"| | record | budget |\n| --- | --- | --- |\n{rows}\n"
 
 
 def main() -> int:
     """Count, print, let the record fall, bring the page up to date; 1 where a number rose."""
-    numbers = count()
+    metrics = count_metrics()
     limits: dict[str, int] = json.loads(RECORD.read_text("utf-8"))
-    now = recorded(numbers)
-    for name, value in numbers.items():
-        rose = f"   rose: the record is {limits[name]:,}" if now[name] > limits[name] else ""
-        over = f"   budget {BUDGETS[name]:,}" if value > BUDGETS.get(name, value) else ""
-        print(f"{TEXTS[name]:78}{value:8,}{over}{rose}")
-    limits = {name: min(value, limits[name]) for name, value in now.items()}
+    rounded = round_up(metrics)
+    for name, value in metrics.items():
+        rise = f"   rose: the record is {limits[name]:,}" if rounded[name] > limits[name] else ""
+        excess = f"   budget {BUDGETS[name]:,}" if value > BUDGETS.get(name, value) else ""
+        print(f"{DESCRIPTIONS[name]:78}{value:8,}{excess}{rise}")
+    limits = {name: min(value, limits[name]) for name, value in rounded.items()}
     RECORD.write_text(json.dumps(limits, indent=2) + "\n", "utf-8")
-    PAGE.write_text(TABLE.sub(rf"\g<1>{table(numbers)}\g<2>", PAGE.read_text("utf-8")), "utf-8")
-    return int(limits != now)
+    PAGE.write_text(
+        TABLE.sub(rf"\g<1>{format_table(metrics)}\g<2>", PAGE.read_text("utf-8")), "utf-8"
+    )
+    return int(limits != rounded)
 
 
-def _module(path: Path, source: Path) -> str:
+def _module_name(path: Path, source: Path) -> str:
     parts = path.relative_to(source).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def _targets(tree: ast.Module, known: Iterable[str]) -> Iterator[str]:
+def _find_targets(tree: ast.Module, known: Iterable[str]) -> Iterator[str]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in known)
@@ -186,23 +200,25 @@ def _targets(tree: ast.Module, known: Iterable[str]) -> Iterator[str]:
                 yield full if full in known else node.module
 
 
-def _merged(graph: Graph, of: Callable[[str], str]) -> Graph:
+def _merge(graph: Graph, group_of: Callable[[str], str]) -> Graph:
     merged: Graph = {}
     for name, targets in graph.items():
-        merged.setdefault(of(name), set()).update({of(one) for one in targets} - {of(name)})
+        merged.setdefault(group_of(name), set()).update(
+            {group_of(one) for one in targets} - {group_of(name)}
+        )
     return merged
 
 
-def _reached(graph: Graph, start: str) -> set[str]:
-    seen, waiting = {start}, [start]
+def _find_reachable(graph: Graph, start: str) -> set[str]:
+    visited, waiting = {start}, [start]
     while waiting:
-        fresh = graph.get(waiting.pop(), set()) - seen
-        seen |= fresh
-        waiting += fresh
-    return seen
+        unvisited = graph.get(waiting.pop(), set()) - visited
+        visited |= unvisited
+        waiting += unvisited
+    return visited
 
 
-_OF_ONE_KIND = {
+_CLASSES_OF_ONE_KIND = {
     *("LevitationTable", "TrackingTable", "ForceTable", "DisplacementTable"),
     *("Rig", "PiezoRig", "BearingBench", "StageBench", "ForceBench", "PiezoBench"),
     *("PreparedBearing", "PreparedStage", "PreparedForce", "PreparedPiezo"),
@@ -210,29 +226,29 @@ _OF_ONE_KIND = {
 """Classes that belong to one kind of rig."""
 
 
-_WORDS = {"'levitation'", "'tracking'"}
+_KIND_WORDS = {"'levitation'", "'tracking'"}
 """Words of rig files that no other table uses for its kind."""
-_KIND = re.compile(r"(control|settings|file)\.kind(\.word)?$")
+_KIND_ATTRIBUTE = re.compile(r"(control|settings|file)\.kind(\.word)?$")
 
 
-def _kind_tests(tree: ast.Module) -> int:
+def _count_kind_tests(tree: ast.Module) -> int:
     """Return how often a module asks which kind a rig is: by its word, its record or a class."""
-    found = 0
+    count = 0
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare):
             sides = {ast.unparse(side) for side in (node.left, *node.comparators)}
-            found += bool(sides & _WORDS) or any(map(_KIND.search, sides))
+            count += bool(sides & _KIND_WORDS) or any(map(_KIND_ATTRIBUTE.search, sides))
         elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith(
             "anhyst_rigs.kinds."
         ):
-            found += any(alias.name != "RigKind" for alias in node.names)
+            count += any(alias.name != "RigKind" for alias in node.names)
         elif isinstance(node, ast.Call) and ast.unparse(node.func) == "isinstance":
             names = {one.id for one in ast.walk(node.args[1]) if isinstance(one, ast.Name)}
-            found += bool(names & _OF_ONE_KIND)
-    return found
+            count += bool(names & _CLASSES_OF_ONE_KIND)
+    return count
 
 
-def _code_lines(text: str, tree: ast.Module) -> int:
+def _count_code_lines(text: str, tree: ast.Module) -> int:
     """Return how many lines hold code that does something."""
     numbered = enumerate(text.splitlines(), 1)
     lines = {number for number, line in numbered if line.strip()[:1] not in {"", "#"}}
@@ -244,13 +260,13 @@ def _code_lines(text: str, tree: ast.Module) -> int:
     return len(lines)
 
 
-def _lines_of_c(*places: Path) -> int:
+def _count_c_lines(*places: Path) -> int:
     """Return the lines of C and C++ in folders, without the standard's own headers for FMUs."""
     sources = (
         path for place in places for path in place.rglob("*") if path.suffix in {".c", ".h", ".cpp"}
     )
-    own = (path for path in sources if path.parent.name != "fmi")
-    return sum(len(path.read_text("utf-8").splitlines()) for path in own)
+    project_files = (path for path in sources if path.parent.name != "fmi")
+    return sum(len(path.read_text("utf-8").splitlines()) for path in project_files)
 
 
 if __name__ == "__main__":

@@ -16,25 +16,25 @@ from functools import cached_property
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-GOLDEN = ROOT / "tests" / "messages.toml"
-HEAD = """\
+MESSAGES_FILE = ROOT / "tests" / "messages.toml"
+FILE_HEADER = """\
 # What the errors of the package say, by their codes; {holes} are filled in when they are raised.
 # Made from the sources by make messages.
 """
-ERRORS = {"InputError", "NegativeResult", "FileFault", "Advice", "Problem"}
-TEXT_SECOND = {"FileFault", "Problem", "add", "wrong_key"}
+ERROR_CLASSES = {"InputError", "NegativeResult", "FileFault", "Advice", "Problem"}
+CALLS_WITH_KEY_FIRST = {"FileFault", "Problem", "add", "wrong_key"}
 """Calls whose text follows a key."""
-HOLE = "{...}"
-MOST = 3
+PLACEHOLDER = "{...}"
+MAX_WORDINGS_OF_PART = 3
 """Wordings of a part of a text; where there are more, it is a hole."""
-DEEPEST = 4
+MAX_DEPTH = 4
 """Variables and functions that are followed from one to the next."""
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 @dataclass(frozen=True)
-class Site:
+class ErrorCall:
     """A call that says what is wrong.
 
     Parameters
@@ -48,9 +48,9 @@ class Site:
     wordings : tuple of str
     """
 
-    place: str
+    location: str
     code: str
-    named: bool
+    has_code: bool
     wordings: tuple[str, ...]
 
 
@@ -69,36 +69,40 @@ class Module:
             child: node for node in ast.walk(self.tree) for child in ast.iter_child_nodes(node)
         }
 
-    def _within(self, node: ast.AST) -> Iterator[ast.AST]:
+    def _enclosing_nodes(self, node: ast.AST) -> Iterator[ast.AST]:
         while (node := self.parents.get(node, self.tree)) is not self.tree:
             yield node
 
-    def assigned(self, use: ast.expr, name: str) -> list[list[ast.expr]]:
+    def find_assignments(self, usage: ast.expr, name: str) -> list[list[ast.expr]]:
         """Return what a variable may hold where it is used: each a text and what is added to it.
 
         These are the assignments before, back to the last one that no branch avoids.
         """
-        around = list(self._within(use))
-        function = next((node for node in around if isinstance(node, Function)), None)
-        found: list[list[ast.expr]] = []
-        added: list[ast.AugAssign] = []
-        for one in sorted(_before(function, use), key=lambda node: -node.lineno):
-            match one:
+        enclosing = list(self._enclosing_nodes(usage))
+        function = next((node for node in enclosing if isinstance(node, Function)), None)
+        assignments: list[list[ast.expr]] = []
+        additions: list[ast.AugAssign] = []
+        for statement in sorted(
+            _find_earlier_assignments(function, usage), key=lambda node: -node.lineno
+        ):
+            match statement:
                 case ast.AugAssign(target=ast.Name(id=target)) if target == name:
-                    added.insert(0, one)
+                    additions.insert(0, statement)
                 case (
                     ast.Assign(targets=[ast.Name(id=target)], value=value)
                     | ast.NamedExpr(target=ast.Name(id=target), value=value)
                 ) if target == name:
-                    found.append([value, *(more.value for more in added)])
-                    if isinstance(one, ast.NamedExpr) or self.parents[one] in around:
+                    assignments.append([value, *(more.value for more in additions)])
+                    if isinstance(statement, ast.NamedExpr) or self.parents[statement] in enclosing:
                         break
-                    added = [more for more in added if self.parents[more] != self.parents[one]]
+                    additions = [
+                        more for more in additions if self.parents[more] != self.parents[statement]
+                    ]
                 case ast.Assign(targets=[ast.Tuple(elts=elements)]) if name in {
                     getattr(element, "id", "") for element in elements
                 }:
                     break
-        return found
+        return assignments
 
     @cached_property
     def functions(self) -> Mapping[str, Function]:
@@ -121,59 +125,61 @@ class Module:
         }
 
 
-class Reader:
+class WordingReader:
     """Reads wordings out of expressions of one module."""
 
-    def __init__(self, module: Module, package: Mapping[str, Module]) -> None:
+    def __init__(self, module: Module, modules_by_function: Mapping[str, Module]) -> None:
         self.module = module
-        self.package = package
+        self.package = modules_by_function
 
-    def wordings(self, node: ast.expr, depth: int = 0) -> list[str]:
+    def find_wordings(self, node: ast.expr, depth: int = 0) -> list[str]:
         """Return what an expression may say."""
-        deeper = depth + 1
+        next_depth = depth + 1
         found: list[str] = []
         match node:
-            case _ if depth > DEEPEST:
+            case _ if depth > MAX_DEPTH:
                 pass
             case ast.Constant(value=str(text)):
                 found = [text.replace("{", "(").replace("}", ")")]
             case ast.JoinedStr(values=values):
-                found = _product(self.wordings(value, depth) for value in values)
+                found = _combine(self.find_wordings(value, depth) for value in values)
             case ast.FormattedValue(value=value, format_spec=None, conversion=-1):
-                found = self.wordings(value, deeper)
+                found = self.find_wordings(value, next_depth)
             case ast.FormattedValue(value=value):
-                found = [_hole(value)]
+                found = [_placeholder_of(value)]
             case ast.BinOp(left=left, op=ast.Add(), right=right):
-                found = _product((self.wordings(left, depth), self.wordings(right, depth)))
+                found = _combine(
+                    (self.find_wordings(left, depth), self.find_wordings(right, depth))
+                )
             case ast.IfExp(body=body, orelse=orelse):
-                found = [*self.wordings(body, depth), *self.wordings(orelse, depth)]
+                found = [*self.find_wordings(body, depth), *self.find_wordings(orelse, depth)]
             case ast.Name(id=name):
-                found = self._name(node, name, deeper)
+                found = self._find_wordings_of_variable(node, name, next_depth)
             case ast.Call(func=ast.Attribute(value=value, attr="rstrip" | "removesuffix")):
-                found = self.wordings(value, depth)
+                found = self.find_wordings(value, depth)
             case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)):
-                found = self._returned(name, deeper)
-        return found or [_hole(node)]
+                found = self._find_returned_wordings(name, next_depth)
+        return found or [_placeholder_of(node)]
 
-    def _name(self, node: ast.expr, name: str, depth: int) -> list[str]:
+    def _find_wordings_of_variable(self, node: ast.expr, name: str, depth: int) -> list[str]:
         """Return what a variable holds, where the function around it assigns only texts."""
         texts: list[str] = []
-        for parts in self.module.assigned(node, name):
+        for parts in self.module.find_assignments(node, name):
             if not (_is_text(parts[0]) or isinstance(parts[0], ast.Call)):
                 return []
-            texts += _product(self.wordings(part, depth) for part in parts)
+            texts += _combine(self.find_wordings(part, depth) for part in parts)
         if not texts and name in self.module.constants:
-            return self.wordings(self.module.constants[name], depth)
-        return texts if any(text not in {HOLE, ""} for text in texts) else []
+            return self.find_wordings(self.module.constants[name], depth)
+        return texts if any(text not in {PLACEHOLDER, ""} for text in texts) else []
 
-    def _returned(self, name: str, depth: int) -> list[str]:
+    def _find_returned_wordings(self, name: str, depth: int) -> list[str]:
         """Return what a function of this module, or one of that name elsewhere, returns."""
         module = self.module
         if name not in module.functions:
             if name not in self.package:
                 return []
             module = self.package[name]
-        reader = Reader(module, self.package)
+        reader = WordingReader(module, self.package)
         returned = [
             node.value
             for node in ast.walk(module.functions[name])
@@ -183,67 +189,76 @@ class Reader:
             text
             for value in returned
             if not (isinstance(value, ast.Constant) and value.value is None)
-            for text in reader.wordings(value, depth)
+            for text in reader.find_wordings(value, depth)
         ]
 
 
-def sites() -> Iterator[Site]:
+def find_error_calls() -> Iterator[ErrorCall]:
     """Find every call of the package that makes an error."""
     modules = [Module(path) for path in sorted((ROOT / "packages").glob("*/src/**/*.py"))]
-    owners: dict[str, list[Module]] = defaultdict(list)
+    defining_modules: dict[str, list[Module]] = defaultdict(list)
     for module in modules:
         for name in module.functions:
-            owners[name].append(module)
-    package = {name: found[0] for name, found in owners.items() if len(found) == 1}
+            defining_modules[name].append(module)
+    modules_by_function = {
+        name: found[0] for name, found in defining_modules.items() if len(found) == 1
+    }
     for module in modules:
-        reader = Reader(module, package)
+        reader = WordingReader(module, modules_by_function)
         for node in ast.walk(module.tree):
-            if isinstance(node, ast.Call) and (site := _site(node, module, reader)) is not None:
-                yield site
+            if (
+                isinstance(node, ast.Call)
+                and (error_call := _read_error_call(node, module, reader)) is not None
+            ):
+                yield error_call
 
 
-def _site(call: ast.Call, module: Module, reader: Reader) -> Site | None:
+def _read_error_call(call: ast.Call, module: Module, reader: WordingReader) -> ErrorCall | None:
     name = getattr(call.func, "id", getattr(call.func, "attr", ""))
-    place = f"{module.path.relative_to(ROOT)}:{call.lineno}"
+    location = f"{module.path.relative_to(ROOT)}:{call.lineno}"
     if name == "PydanticCustomError":
         kind, text = call.args
         assert isinstance(kind, ast.Constant)
-        return Site(
-            place,
+        return ErrorCall(
+            location,
             str(kind.value).replace("_", "-"),
             True,
-            tuple(one.replace("Input should", "must", 1) for one in reader.wordings(text)),
+            tuple(
+                wording.replace("Input should", "must", 1) for wording in reader.find_wordings(text)
+            ),
         )
-    given = next((one.value for one in call.keywords if one.arg == "code"), None)
-    code = given.value if isinstance(given, ast.Constant) else None
-    if not call.args or (name not in ERRORS and not isinstance(code, str)):
+    code_argument = next((one.value for one in call.keywords if one.arg == "code"), None)
+    code = code_argument.value if isinstance(code_argument, ast.Constant) else None
+    if not call.args or (name not in ERROR_CLASSES and not isinstance(code, str)):
         return None
-    at = 1 if name in TEXT_SECOND else 0
-    named = given is not None or len(call.args) > at + 1
-    texts = reader.wordings(call.args[at])
+    text_index = 1 if name in CALLS_WITH_KEY_FIRST else 0
+    has_code = code_argument is not None or len(call.args) > text_index + 1
+    texts = reader.find_wordings(call.args[text_index])
     if name == "wrong_key":  # it puts the key in front
-        texts = _product((reader.wordings(call.args[0]), [": "], texts))
-    return Site(place, str(code or ""), named, tuple(filter(None, texts)))
+        texts = _combine((reader.find_wordings(call.args[0]), [": "], texts))
+    return ErrorCall(location, str(code or ""), has_code, tuple(filter(None, texts)))
 
 
-def golden(found: Iterable[Site]) -> str:
+def format_messages(error_calls: Iterable[ErrorCall]) -> str:
     """Return the text of the file."""
     wordings: dict[str, set[str]] = defaultdict(set)
-    for site in found:
-        if site.code:
-            wordings[site.code].update(site.wordings)
-    lines = [HEAD]
+    for error_call in error_calls:
+        if error_call.code:
+            wordings[error_call.code].update(error_call.wordings)
+    lines = [FILE_HEADER]
     for code in sorted(wordings):
         texts = sorted(json.dumps(text, ensure_ascii=False) for text in wordings[code])
         lines.append(f"{code} = [\n" + "".join(f"  {text},\n" for text in texts) + "]\n")
     return "".join(lines)
 
 
-def _before(function: Function | None, use: ast.expr) -> Iterator[ast.stmt | ast.expr]:
+def _find_earlier_assignments(
+    function: Function | None, usage: ast.expr
+) -> Iterator[ast.stmt | ast.expr]:
     for node in ast.walk(function) if function is not None else ():
         if (
             isinstance(node, ast.Assign | ast.AugAssign | ast.NamedExpr)
-            and node.lineno <= use.lineno
+            and node.lineno <= usage.lineno
         ):
             yield node
 
@@ -259,17 +274,17 @@ def _is_text(node: ast.expr) -> bool:
     return False
 
 
-def _hole(node: ast.expr) -> str:
+def _placeholder_of(node: ast.expr) -> str:
     match node:
         case ast.Name(id=name) | ast.Attribute(attr=name):
             return f"{{{name.strip('_')}}}"
-    return HOLE
+    return PLACEHOLDER
 
 
-def _product(parts: Iterable[list[str]]) -> list[str]:
-    few = [part if len(part) <= MOST else [HOLE] for part in parts]
-    return ["".join(texts) for texts in itertools.product(*few)]
+def _combine(parts: Iterable[list[str]]) -> list[str]:
+    limited = [part if len(part) <= MAX_WORDINGS_OF_PART else [PLACEHOLDER] for part in parts]
+    return ["".join(texts) for texts in itertools.product(*limited)]
 
 
 if __name__ == "__main__":
-    GOLDEN.write_text(golden(sites()), encoding="utf-8")
+    MESSAGES_FILE.write_text(format_messages(find_error_calls()), encoding="utf-8")

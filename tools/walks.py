@@ -19,50 +19,54 @@ MODEL = ROOT / "packages" / "anhyst" / "tests" / "kept_models" / "electromagnet.
 RIG = ROOT / "examples" / "bearing" / "rig.toml"
 
 
-class Walk:
+class FileTrace:
     """Notes the files through which objects of some packages go."""
 
     def __init__(self, *packages: str) -> None:
         self.packages = packages
-        self.stays: list[str] = []
-        self._met: set[CodeType] = set()
+        self.visited_files: list[str] = []
+        self._entered_functions: set[CodeType] = set()
 
-    def follow(self, job: Callable[[], object]) -> dict[str, int]:
+    def trace(self, job: Callable[[], object]) -> dict[str, int]:
         """Run a job; return its files and its returns."""
-        sys.setprofile(self._note)
+        sys.setprofile(self._record_call)
         try:
             job()
         finally:
             sys.setprofile(None)
-        files = len(set(self.stays))
-        return {"files": files, "returns": len(self.stays) - files}
+        files = len(set(self.visited_files))
+        return {"files": files, "returns": len(self.visited_files) - files}
 
-    def _note(self, frame: FrameType, event: str, _: object) -> None:
+    def _record_call(self, frame: FrameType, event: str, _: object) -> None:
         code = frame.f_code
-        if event != "call" or code in self._met or "/src/anhyst" not in code.co_filename:
-            return
-        given = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-        kinds = [type(frame.f_locals.get(name)).__module__ for name in given]
-        if code.co_name.startswith("<") or not any(
-            kind.startswith(self.packages) for kind in kinds
+        if (
+            event != "call"
+            or code in self._entered_functions
+            or "/src/anhyst" not in code.co_filename
         ):
             return
-        self._met.add(code)
-        if self.stays[-1:] != [code.co_filename]:
-            self.stays.append(code.co_filename)
+        parameter_names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+        argument_modules = [type(frame.f_locals.get(name)).__module__ for name in parameter_names]
+        if code.co_name.startswith("<") or not any(
+            kind.startswith(self.packages) for kind in argument_modules
+        ):
+            return
+        self._entered_functions.add(code)
+        if self.visited_files[-1:] != [code.co_filename]:
+            self.visited_files.append(code.co_filename)
 
 
-def model_to_c() -> dict[str, int]:
+def trace_model_to_c() -> dict[str, int]:
     """Follow a model to a folder of C."""
     import anhyst
 
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "c"
-        walk = Walk("anhyst.model", "anhyst.compensate", "anhyst.compilation")
-        return walk.follow(lambda: anhyst.compile(MODEL, out, rate=20_000.0))
+        file_trace = FileTrace("anhyst.model", "anhyst.compensate", "anhyst.compilation")
+        return file_trace.trace(lambda: anhyst.compile(MODEL, out, rate=20_000.0))
 
 
-def rig_to_recording() -> dict[str, int]:
+def trace_rig_to_recording() -> dict[str, int]:
     """Follow the rig file of a bearing to the recording of its steps."""
     from anhyst_rigs.rig.bearing.held import levitation_fault
     from anhyst_rigs.rig.bearing.loop import make_setups
@@ -73,13 +77,15 @@ def rig_to_recording() -> dict[str, int]:
     def job() -> None:
         rig, controller = read_files(RIG, None)
         ready = check_inputs(rig, controller)
-        own = controller.settings.compensation.variant
-        setup = make_setups(ready.rig, controller, ready.identify_magnet(), (own,))[own]
+        variant = controller.settings.compensation.variant
+        setup = make_setups(ready.rig, controller, ready.identify_magnet(), (variant,))[variant]
         steps, *_ = plan_recorded_run(ready.rig, setup.controller)
         assert levitation_fault(setup, SimulatedLoop(setup).run(steps), steps) is None
 
-    return Walk("anhyst_rigs").follow(job)
+    return FileTrace("anhyst_rigs").trace(job)
 
 
 if __name__ == "__main__":
-    print(json.dumps({"model to C": model_to_c(), "rig to recording": rig_to_recording()}))
+    print(
+        json.dumps({"model to C": trace_model_to_c(), "rig to recording": trace_rig_to_recording()})
+    )

@@ -10,19 +10,19 @@ from functools import cache
 from anhyst import __version__
 from tools import house
 
-numbers = cache(house.count)
+numbers = cache(house.count_metrics)
 
 
 def test_no_number_of_the_house_has_risen() -> None:
     limits = json.loads(house.RECORD.read_text(encoding="utf-8"))
-    now = house.recorded(numbers())
+    now = house.round_up(numbers())
     assert now.keys() == limits.keys()
     assert {name: value for name, value in now.items() if value > limits[name]} == {}
 
 
 def test_the_architecture_prints_what_the_command_counts() -> None:
     page = house.PAGE.read_text(encoding="utf-8")
-    assert house.table(numbers()) in page, "run make house"
+    assert house.format_table(numbers()) in page, "run make house"
 
 
 def test_the_architecture_prints_the_layers_that_are_enforced() -> None:
@@ -41,9 +41,9 @@ def test_imports_count_wherever_they_stand() -> None:
         "anhyst.b.inner": "def late():\n    import anhyst.c\n",
         "anhyst.c": "if TYPE_CHECKING:\n    from anhyst.b import Name\n",
     }
-    graph = house.imports({name: ast.parse(text) for name, text in sources.items()})
+    graph = house.find_imports({name: ast.parse(text) for name, text in sources.items()})
     assert graph["anhyst.a"] == {"anhyst.b"}
-    assert house.circles(graph) == [{"anhyst.b", "anhyst.b.inner", "anhyst.c"}]
+    assert house.find_cycles(graph) == [{"anhyst.b", "anhyst.b.inner", "anhyst.c"}]
 
 
 def test_names_of_a_number_format_stand_in_one_list() -> None:
@@ -64,7 +64,7 @@ def test_an_import_from_a_part_into_one_above_it_is_counted_wherever_it_stands()
         "anhyst_exchange.part": "from anhyst_rigs import rig",
     }
     trees = {name: ast.parse(text) for name, text in sources.items()}
-    assert house.wrong_way(house.imports(trees, tops=True)) == 2
+    assert house.count_upward_imports(house.find_imports(trees, include_top_packages=True)) == 2
 
 
 def test_all_parts_have_one_version_and_one_licence() -> None:

