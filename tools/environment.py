@@ -1,10 +1,9 @@
-"""Prepare .venv; run by make, with any Python that is there.
+"""Prepare .venv. ``make`` runs this script with the Python of the machine.
 
-Without arguments: check the machine, create .venv, install what builds, runs and verifies anhyst.
-With ``--package``: compile the core and install the parts of packages/, so that their sources stay in
-use. With ``--group NAME``: install that group of pyproject.toml.
-
-A line for each step says what is coming and, once it is there, how long it took.
+Without arguments, it checks the machine, creates .venv, and installs what builds, runs and verifies
+anhyst. With ``--package``, it compiles the core and installs the parts of packages/ in editable
+mode. With ``--group NAME``, it installs that dependency group of pyproject.toml. It prints one line
+for each step, and its duration when the step is complete.
 """
 
 import os
@@ -26,7 +25,7 @@ PIP = [str(BIN / "python"), "-m", "pip", "--disable-pip-version-check"]
 BUILD_TOOLS = ["cmake", "ninja"]
 
 PARTS = ("anhyst", "anhyst-rigs", "anhyst-exchange")
-"""Folders of packages/, each after those that it needs."""
+"""Folders of packages/. Each part depends only on parts before it."""
 
 # What `make demo` runs, and the page it points to; further extras come with `make test`.
 DEMO_EXTRAS = ["anhyst[verify]", "anhyst-rigs[link,live]"]
@@ -37,7 +36,7 @@ exec "{python}" -m ziglang c++ "$@"
 
 
 def missing() -> str:
-    """Return what the machine lacks, with the remedy, or an empty string."""
+    """Return what the machine lacks, with the remedy; an empty string if nothing is missing."""
     if sys.version_info < (3, 11):  # noqa: UP036 - run before the right Python is chosen
         found = ".".join(map(str, sys.version_info[:3]))
         return f"Python 3.11 or newer is needed, this is {found}: make PYTHON=python3.11"
@@ -54,14 +53,15 @@ def missing() -> str:
 
 
 def settings(folder: Path) -> dict[str, Any]:
-    """Return the pyproject.toml of a folder."""
+    """Return the contents of a folder's pyproject.toml."""
     import tomllib
 
     return tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))
 
 
 def requirements(listed: list[str]) -> list[str]:
-    """Return requirements; in place of an extra of a part of this repository, those of the extra."""
+    """Return requirements, with each extra of a part of this repository replaced by its
+    requirements."""
     found = []
     for one in listed:
         if inner := re.fullmatch(r"(anhyst[a-z-]*)\[(.*)\]", one):
@@ -73,7 +73,7 @@ def requirements(listed: list[str]) -> list[str]:
 
 
 def step(what: str, work: Callable[[], None]) -> None:
-    """Say what is coming, do it, and say how long it took."""
+    """Print the name of a step, run it, and print its duration."""
     print(f"make: {what} ...", end="", flush=True)
     began = time.monotonic()
     try:
@@ -85,13 +85,13 @@ def step(what: str, work: Callable[[], None]) -> None:
 
 
 def own_index() -> bool:
-    """Whether pip is set to another package index than PyPI, which uv would not know of."""
+    """Whether pip uses a package index other than PyPI. uv does not read that setting."""
     listed = subprocess.run([*PIP, "config", "list"], capture_output=True, text=True, check=False)
     return bool(re.search(r"index[-_]url|no[-_]index", listed.stdout))
 
 
 def create() -> None:
-    """Create .venv, with uv where it can be had: it installs in a tenth of pip's time."""
+    """Create .venv, and install uv if possible: it needs a tenth of pip's time."""
     subprocess.run([sys.executable, "-m", "venv", str(BIN.parent)], check=True)
     if not own_index():
         # Without a wheel for this machine uv would be compiled, for minutes.
@@ -100,7 +100,7 @@ def create() -> None:
 
 
 def install(packages: list[str]) -> None:
-    """Install packages into .venv; what uv cannot do, for whatever reason, pip does."""
+    """Install packages into .venv with uv, or with pip if uv fails."""
     uv = [str(BIN / "uv"), "pip", "install", "--quiet", "--python", str(BIN / "python")]
     if (BIN / "uv").exists():
         if subprocess.run([*uv, *packages], capture_output=True, check=False).returncode == 0:
@@ -111,7 +111,7 @@ def install(packages: list[str]) -> None:
 
 
 def prepare() -> None:
-    """Create .venv and fill it; the binding is C++, so without a C++ compiler zig is one."""
+    """Create .venv and install the packages. Without a C++ compiler, zig compiles the binding."""
     step("1 of 3: .venv; nothing is installed outside this folder", create)
     parts = [settings(ROOT / "packages" / part) for part in PARTS]
     wanted = [one for part in parts for one in part["build-system"]["requires"]]
@@ -126,7 +126,7 @@ def prepare() -> None:
 
 
 def install_package() -> None:
-    """Compile the core and install the parts; all they need is there."""
+    """Compile the core and install the parts without their dependencies, which are there."""
     env = dict(os.environ, PATH=f"{BIN}:{os.environ['PATH']}")
     if (BIN / "c++").exists():
         env["CXX"] = str(BIN / "c++")
@@ -136,7 +136,7 @@ def install_package() -> None:
 
 
 def main() -> int:
-    """Do what the arguments say; return the exit code."""
+    """Run the step that the arguments select; return the exit code."""
     problem = missing()
     if problem:
         print(f"make: {problem}", file=sys.stderr)

@@ -1,12 +1,12 @@
-"""Fuzz the firmware: parser, request handler, slave of XCP and control task on compiled compensators.
+"""Fuzz the firmware: parser, request handler, XCP slave and control task.
 
 Usage: ``python tools/fuzz.py [--runs N] [--seed N] [--out FOLDER]``
 
-A small model is compiled in both kinds; the harness tests/firmware/fuzz_firmware.c is built on each
-with clang's libFuzzer and its address and undefined-behaviour sanitizers, and the two run side by
-side, half of the inputs each. Then as many inputs again are what a master of XCP does, without the
-rest, which takes most of the time. The figures are printed. The exit code is 1 if an input broke
-something; it is kept in the folder.
+A small model is compiled as both compensators. The harness tests/firmware/fuzz_firmware.c is built
+with each of them, with clang's libFuzzer and its address and undefined-behaviour sanitizers. Both
+programs run in parallel, each with half of the inputs. The same number of inputs is then run with
+the commands of an XCP master alone, because other inputs take most of the time. The exit code is 1
+if an input caused a fault. That input is saved in the folder.
 """
 
 from __future__ import annotations
@@ -30,10 +30,11 @@ from anhyst_rigs.link.firmware import actuator_defines
 ROOT = Path(__file__).resolve().parents[1]
 VARIANTS = ("full", "simplified")
 XCP_RUNS = ("xcp-1", "xcp-2")
-"""Of XCP alone: two, from seeds of their own."""
+"""Runs with XCP commands alone, each with its own seed."""
 
 TICK_RATE_HZ = 100.0
-"""Ticks a second: few, so that a tenth of a second, the heartbeat, is a few ticks of a script."""
+"""Ticks per second. The rate is low, so that the heartbeat of 0.1 s is only a few ticks of a
+script."""
 
 COMPILER_FLAGS = [
     *("-std=c99", "-O2", "-g", "-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all"),
@@ -42,11 +43,11 @@ COMPILER_FLAGS = [
 ]
 NAME = "magnet"
 MAX_SCRIPT_BYTES = 160
-"""Bytes of a script."""
+"""Maximum length of an input, bytes."""
 
 
 def make_small_magnet() -> Model:
-    """Return an electromagnet with two gaps."""
+    """Return a model of an electromagnet with two gaps."""
     gaps = (0.3e-3, 0.6e-3)
     parameters: dict[str, Parameter] = {"M_s": 1e6, "a": 1000.0, "k": 700.0, "c": 0.2}
     parameters |= {"c_H": 12e3, "rho": tuple(2e-4 + 11.5 * gap for gap in gaps)}
@@ -64,7 +65,7 @@ def make_small_magnet() -> Model:
 
 
 def build_harness(run_name: str, folder: Path, clang: str) -> Path:
-    """Compile the compensator and the harness on it; return the program."""
+    """Compile the compensator and the harness with it; return the program."""
     compiled = folder / f"compiled-{run_name}"
     is_xcp_only = run_name in XCP_RUNS
     variant = VARIANTS[1] if is_xcp_only else run_name
@@ -93,7 +94,7 @@ def build_harness(run_name: str, folder: Path, clang: str) -> Path:
 
 
 def start_run(run_name: str, program: Path, runs: int, seed: int) -> subprocess.Popen[str]:
-    """Start a run; its corpus begins empty."""
+    """Start a run with an empty corpus."""
     corpus = program.with_name(f"corpus-{run_name}")
     shutil.rmtree(corpus, ignore_errors=True)
     corpus.mkdir()
@@ -112,7 +113,7 @@ def start_run(run_name: str, program: Path, runs: int, seed: int) -> subprocess.
 
 
 def fuzz(runs: int, seed: int, folder: Path) -> int:
-    """Build and run all; return the exit code."""
+    """Build and run all programs; return the exit code."""
     clang = shutil.which("clang")
     if clang is None:
         print("clang is not installed: apt install clang libclang-rt-dev")
@@ -128,7 +129,7 @@ def fuzz(runs: int, seed: int, folder: Path) -> int:
 def run_in_parallel(
     run_names: tuple[str, str], runs: int, seed: int, folder: Path, clang: str
 ) -> int:
-    """Build and run two, half of the inputs each; return how many broke."""
+    """Build and run two programs, each with half of the inputs; return the number of failures."""
     programs = {run_name: build_harness(run_name, folder, clang) for run_name in run_names}
     running = {
         kind: start_run(kind, programs[kind], runs // 2, seed + number)
@@ -150,7 +151,7 @@ def run_in_parallel(
 
 
 def main() -> int:
-    """Read the command line."""
+    """Read the command line and run the fuzzer."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0] if __doc__ else None)
     parser.add_argument("--runs", type=int, default=10_000_000, help="inputs altogether")
     parser.add_argument("--seed", type=int, default=1)

@@ -1,12 +1,12 @@
-"""Fuzz the readers of measurement files: damaged recordings of every format.
+"""Fuzz the readers of measurement files with damaged recordings of every format.
 
 Usage: ``python tools/fuzz_files.py [--seconds S] [--seed N] [--out FOLDER]``
 
-Good files of each format are damaged: bits, bytes and sizes changed, pieces cut, repeated and
-removed. Each is listed and read in a process with bounds, as `anhyst` itself tries a file before it
-reads it. It must be read or be refused in one line. What crashes or hangs a library ends that
-process alone; it is kept, and must then be refused by the package. The figures are printed; the
-exit code is 1 if anything else happened.
+The script damages good files of each format: it changes bits, bytes and sizes, and it cuts, repeats
+and removes pieces. A child process with limits on time and memory reads each file, as `anhyst` does
+before it reads a file. A file must be read, or be rejected with one line. If a library crashes or
+hangs, only the child process ends. The script saves that file and checks that the package rejects
+it. The exit code is 1 after any other result.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from anhyst.support.errors import InputError  # noqa: E402
 from tests.data import logger_layouts, recordings  # noqa: E402
 
 FILES_PER_PROCESS = 100
-"""Files a process."""
+"""Number of files that one process reads."""
 EXTREME_SIZES = (
     0,
     1,
@@ -51,7 +51,7 @@ EXTREME_SIZES = (
 
 
 def make_good_files(folder: Path) -> dict[str, list[bytes]]:
-    """Return recordings as each format may hold them."""
+    """Return undamaged recordings of each format."""
     times, current, force = recordings.loop(50.0)
     phase = np.array([f"p{n // 20}" for n in range(times.size)])
     groups = [
@@ -81,7 +81,7 @@ def make_good_files(folder: Path) -> dict[str, list[bytes]]:
 
 
 def damage(content: bytes, generator: random.Random) -> bytes:
-    """Damage a file in one to eight places, the first bytes as often as all others."""
+    """Damage a file at one to eight positions; half of the positions are in the first 2048 bytes."""
     data = bytearray(content)
     for _ in range(generator.choice((1, 1, 1, 2, 4, 8))):
         if not data:
@@ -111,7 +111,7 @@ def damage(content: bytes, generator: random.Random) -> bytes:
 
 
 def damage_archive(content: bytes, generator: random.Random) -> bytes:
-    """Damage one member of a zip file, which is then whole again."""
+    """Damage one member of a zip file; the archive itself stays valid."""
     packed = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(packed, "w") as new:
         chosen = generator.choice(old.namelist())
@@ -122,7 +122,7 @@ def damage_archive(content: bytes, generator: random.Random) -> bytes:
 
 
 def make_damaged_file(suffix: str, seeds: list[bytes], number: int) -> bytes:
-    """Return the damaged file of a number."""
+    """Return the damaged file with a given number."""
     generator = random.Random(f"{suffix} {number}")
     content = generator.choice(seeds)
     if suffix == ".xlsx" and generator.random() < 0.7:
@@ -131,7 +131,7 @@ def make_damaged_file(suffix: str, seeds: list[bytes], number: int) -> bytes:
 
 
 def try_file(path: Path) -> str:
-    """List the channels of a file, and say how that ended."""
+    """Read the channels of a file; return the result as a word."""
     try:
         list_channels(path)
     except InputError as refusal:
@@ -145,7 +145,7 @@ def try_file(path: Path) -> str:
 
 
 def run_batch(suffix: str, seeds: list[bytes], numbers: range, folder: Path) -> int:
-    """Look at some files in a process of its own; return how many came to an end."""
+    """Read files in a child process; return the number of files that it completed."""
     results_file = folder / "said"
     results_file.write_text("")
     child = os.fork()
@@ -166,7 +166,7 @@ def run_batch(suffix: str, seeds: list[bytes], numbers: range, folder: Path) -> 
 
 
 def main() -> int:
-    """Fuzz, print the figures."""
+    """Run the fuzzer and print the counts."""
     parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=0)

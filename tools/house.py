@@ -1,11 +1,12 @@
-"""What the house measures: ``make house`` counts rooms, who imports whom, circles and lines.
+"""Measure the structure of the project: ``make house``.
 
-A *room* is a folder at the top of a part; a pair is two rooms of which one imports the other. A
-*circle* is a group of modules, or of folders, that all lead to each other. Imports inside functions
-and for types count; those of ``__init__.py`` at the top of a part do not, since it imports a name
-when it is used. The record beside this file (``house.json``) only falls: to raise a number of it is
-an edit by hand. ARCHITECTURE.md prints the same numbers beside the budget, which is what they are to
-fall to.
+The command counts subsystems, imports between them, import cycles and lines. A *room* is a folder
+at the top of a part (a Python package). Two rooms are a pair if one imports the other. A *cycle* is
+a group of modules, or of folders, that import each other directly or indirectly. Imports inside
+functions and imports for type checkers count. Imports in the ``__init__.py`` at the top of a part
+do not count, because they run only when a name is used. ``house.json`` contains a limit for each
+number. The command only lowers these limits. ARCHITECTURE.md prints the numbers next to their
+budgets.
 """
 
 from __future__ import annotations
@@ -23,25 +24,25 @@ from tools import environment
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ROOT / "packages"
 PARTS = {part: PACKAGES / part / "src" for part in environment.PARTS}
-"""The folder that holds the sources of each part."""
+"""The folder with the sources of each part."""
 RECORD = ROOT / "tools" / "house.json"
 PAGE = ROOT / "ARCHITECTURE.md"
 TABLE = re.compile(r"(<!-- made by make house -->\n).*?(<!-- end -->\n)", re.DOTALL)
 
 DESCRIPTIONS = {
     "rooms": "rooms at the top of the parts",
-    "pairs": "pairs of rooms of which one imports the other",
-    "module circles": "circles of modules",
-    "folder circles": "circles of folders",
-    "wrong way": "imports from a part into one that needs it",
-    "kind tests": "tests of the kind of a rig outside of its record",
-    "several": "questions whether a stage has several coordinates (`.several`)",
-    "model to C, files": "files on the way of a model to C",
-    "model to C, returns": "returns to an earlier file on that way",
-    "rig to recording, files": "files on the way of a rig file to a recording",
-    "rig to recording, returns": "returns to an earlier file on that way",
-    "files": "files of Python in the parts",
-    "code": "lines of Python that are code (no docstring, comment, import or blank line)",
+    "pairs": "pairs of rooms where one imports the other",
+    "module circles": "import cycles of modules",
+    "folder circles": "import cycles of folders",
+    "wrong way": "imports from a part into a part that depends on it",
+    "kind tests": "tests of a rig's kind outside its record",
+    "several": "tests whether a stage has several coordinates (`.several`)",
+    "model to C, files": "files that process a model on its way to C",
+    "model to C, returns": "returns to an earlier file on this way",
+    "rig to recording, files": "files that process a rig file on its way to a recording",
+    "rig to recording, returns": "returns to an earlier file on this way",
+    "files": "Python files in the parts",
+    "code": "lines of Python code (without docstrings, comments, imports and blank lines)",
     **{part: f"lines of Python in `{part}`" for part in PARTS},
     "C core": "lines of C in `core`",
     "C rigs": "lines of C in `plant` and `firmware`",
@@ -57,8 +58,9 @@ BUDGETS = {
     **{"C core": 14_000, "C rigs": 10_000, "C parts": 7_500},
     **{"changelog": 600, "architecture": 1_800},
 }
-"""What the record is to fall to."""
+"""The targets of the limits."""
 ROUNDING_STEPS = {"files": 10, "code": 500, **dict.fromkeys(PARTS, 100)}
+"""Limits of numbers that change with every commit are rounded up to a multiple of this step."""
 ROUNDING_STEPS |= {
     "C core": 100,
     "C rigs": 100,
@@ -72,7 +74,7 @@ Graph = dict[str, set[str]]
 
 
 def count_metrics() -> dict[str, int]:
-    """Return every number of the house as it stands."""
+    """Return every metric of the source tree."""
     files = {
         _module_name(path, source): path
         for source in PARTS.values()
@@ -112,7 +114,10 @@ def count_metrics() -> dict[str, int]:
 
 
 def measure_walks() -> dict[str, int]:
-    """Return files and returns of both ways, measured in a process of its own: what is made once counts."""
+    """Return the files and the returns of both walks.
+
+    They are measured in a separate process, so that nothing is cached from an earlier run.
+    """
     command = [sys.executable, "-m", "tools.walks"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     measured: dict[str, dict[str, int]] = json.loads(done.stdout)
@@ -120,7 +125,7 @@ def measure_walks() -> dict[str, int]:
 
 
 def find_imports(trees: Mapping[str, ast.Module], *, include_top_packages: bool = False) -> Graph:
-    """Return which modules each one imports, wherever the import stands; of the tops if asked for."""
+    """Return the modules that each module imports, with or without the top packages."""
     return {
         name: {
             one
@@ -133,7 +138,7 @@ def find_imports(trees: Mapping[str, ast.Module], *, include_top_packages: bool 
 
 
 def count_upward_imports(graph: Graph) -> int:
-    """Return how many imports lead from a part into one that needs it."""
+    """Return the number of imports from a part into a part that depends on it."""
     rank = {part.replace("-", "_"): at for at, part in enumerate(PARTS)}
     return sum(
         rank[target.split(".")[0]] > rank[name.split(".")[0]]
@@ -143,7 +148,7 @@ def count_upward_imports(graph: Graph) -> int:
 
 
 def find_cycles(graph: Graph) -> list[set[str]]:
-    """Return the groups of names that lead to each other."""
+    """Return the groups of names that reach each other."""
     reachable = {name: _find_reachable(graph, name) for name in graph}
     groups = {
         frozenset(other for other in reachable[name] if name in reachable[other]) for name in graph
@@ -152,7 +157,7 @@ def find_cycles(graph: Graph) -> list[set[str]]:
 
 
 def round_up(metrics: Mapping[str, int]) -> dict[str, int]:
-    """Return the numbers as the record and the page give them: rounded up where they flicker."""
+    """Return the metrics rounded up to the steps of the record and of the page."""
     return {
         name: -(-value // ROUNDING_STEPS.get(name, 1)) * ROUNDING_STEPS.get(name, 1)
         for name, value in metrics.items()
@@ -160,7 +165,7 @@ def round_up(metrics: Mapping[str, int]) -> dict[str, int]:
 
 
 def format_table(metrics: Mapping[str, int]) -> str:
-    """Return the rows of ARCHITECTURE.md."""
+    """Return the table of ARCHITECTURE.md."""
     rows = "\n".join(
         f"| {DESCRIPTIONS[name]} | {value:,} | {f'{BUDGETS[name]:,}' if name in BUDGETS else ''} |"
         for name, value in round_up(metrics).items()
@@ -169,12 +174,12 @@ def format_table(metrics: Mapping[str, int]) -> str:
 
 
 def main() -> int:
-    """Count, print, let the record fall, bring the page up to date; 1 where a number rose."""
+    """Print the metrics, lower the limits and update the page; return 1 if a limit is exceeded."""
     metrics = count_metrics()
     limits: dict[str, int] = json.loads(RECORD.read_text("utf-8"))
     rounded = round_up(metrics)
     for name, value in metrics.items():
-        rise = f"   rose: the record is {limits[name]:,}" if rounded[name] > limits[name] else ""
+        rise = f"   exceeds the limit {limits[name]:,}" if rounded[name] > limits[name] else ""
         excess = f"   budget {BUDGETS[name]:,}" if value > BUDGETS.get(name, value) else ""
         print(f"{DESCRIPTIONS[name]:78}{value:8,}{excess}{rise}")
     limits = {name: min(value, limits[name]) for name, value in rounded.items()}
@@ -223,16 +228,16 @@ _CLASSES_OF_ONE_KIND = {
     *("Rig", "PiezoRig", "BearingBench", "StageBench", "ForceBench", "PiezoBench"),
     *("PreparedBearing", "PreparedStage", "PreparedForce", "PreparedPiezo"),
 }
-"""Classes that belong to one kind of rig."""
+"""Classes that belong to a single kind of rig."""
 
 
 _KIND_WORDS = {"'levitation'", "'tracking'"}
-"""Words of rig files that no other table uses for its kind."""
+"""Values of `control.kind` that no other table of a rig file uses."""
 _KIND_ATTRIBUTE = re.compile(r"(control|settings|file)\.kind(\.word)?$")
 
 
 def _count_kind_tests(tree: ast.Module) -> int:
-    """Return how often a module asks which kind a rig is: by its word, its record or a class."""
+    """Return how often a module tests the kind of a rig: its word, its record or its class."""
     count = 0
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare):
@@ -249,7 +254,7 @@ def _count_kind_tests(tree: ast.Module) -> int:
 
 
 def _count_code_lines(text: str, tree: ast.Module) -> int:
-    """Return how many lines hold code that does something."""
+    """Return the number of lines that contain executable code."""
     numbered = enumerate(text.splitlines(), 1)
     lines = {number for number, line in numbered if line.strip()[:1] not in {"", "#"}}
     for node in ast.walk(tree):
@@ -261,7 +266,7 @@ def _count_code_lines(text: str, tree: ast.Module) -> int:
 
 
 def _count_c_lines(*places: Path) -> int:
-    """Return the lines of C and C++ in folders, without the standard's own headers for FMUs."""
+    """Return the number of lines of C and C++ in folders, without the headers of the FMI standard."""
     sources = (
         path for place in places for path in place.rglob("*") if path.suffix in {".c", ".h", ".cpp"}
     )

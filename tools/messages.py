@@ -1,7 +1,8 @@
-"""Gather how every error of the package is worded into tests/messages.toml; ``make messages``.
+"""Collect the texts of all errors in tests/messages.toml: ``make messages``.
 
-A call that names a code, ``InputError(text, code="no-such-file")``, is an error or what one is made
-of. Its text is taken from the source with holes where values go: ``{path}: no such file``.
+The command reads the sources. Each call with a code, such as ``InputError(text,
+code="no-such-file")``, creates an error. Its text is recorded with placeholders for the values:
+``{path}: no such file``.
 """
 
 from __future__ import annotations
@@ -23,29 +24,30 @@ FILE_HEADER = """\
 """
 ERROR_CLASSES = {"InputError", "NegativeResult", "FileFault", "Advice", "Problem"}
 CALLS_WITH_KEY_FIRST = {"FileFault", "Problem", "add", "wrong_key"}
-"""Calls whose text follows a key."""
+"""Calls whose second argument is the text; the first one is a key."""
 PLACEHOLDER = "{...}"
 MAX_WORDINGS_OF_PART = 3
-"""Wordings of a part of a text; where there are more, it is a hole."""
+"""Maximum number of wordings of one part of a text. With more, the part becomes a placeholder."""
 MAX_DEPTH = 4
-"""Variables and functions that are followed from one to the next."""
+"""Maximum number of variables and functions that are followed in a chain."""
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 @dataclass(frozen=True)
 class ErrorCall:
-    """A call that says what is wrong.
+    """A call that creates an error.
 
     Parameters
     ----------
-    place : str
+    location : str
         File and line.
     code : str
-        Empty where it passes on that of another error.
-    named : bool
-        Whether it gives a code at all.
+        Code of the error; empty if the call passes on the code of another error.
+    has_code : bool
+        Whether the call has an argument for the code.
     wordings : tuple of str
+        Possible texts of the error.
     """
 
     location: str
@@ -55,11 +57,12 @@ class ErrorCall:
 
 
 class Module:
-    """A source file.
+    """The syntax tree of a source file.
 
     Parameters
     ----------
     path : Path
+        The source file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -74,9 +77,9 @@ class Module:
             yield node
 
     def find_assignments(self, usage: ast.expr, name: str) -> list[list[ast.expr]]:
-        """Return what a variable may hold where it is used: each a text and what is added to it.
+        """Return the possible values of a variable at a place: each is a text and its additions.
 
-        These are the assignments before, back to the last one that no branch avoids.
+        The search goes back to the last assignment that no branch avoids.
         """
         enclosing = list(self._enclosing_nodes(usage))
         function = next((node for node in enclosing if isinstance(node, Function)), None)
@@ -106,7 +109,7 @@ class Module:
 
     @cached_property
     def functions(self) -> Mapping[str, Function]:
-        """Functions and methods by name; a name that is given twice is left out."""
+        """Functions and methods by name, without names that are defined twice."""
         found: dict[str, list[Function]] = defaultdict(list)
         for node in ast.walk(self.tree):
             if isinstance(node, Function):
@@ -115,7 +118,7 @@ class Module:
 
     @cached_property
     def constants(self) -> Mapping[str, ast.expr]:
-        """Texts that a module names."""
+        """Module constants that are texts."""
         return {
             target.id: node.value
             for node in self.tree.body
@@ -126,14 +129,14 @@ class Module:
 
 
 class WordingReader:
-    """Reads wordings out of expressions of one module."""
+    """Finds the possible texts of expressions of one module."""
 
     def __init__(self, module: Module, modules_by_function: Mapping[str, Module]) -> None:
         self.module = module
         self.package = modules_by_function
 
     def find_wordings(self, node: ast.expr, depth: int = 0) -> list[str]:
-        """Return what an expression may say."""
+        """Return the possible texts of an expression."""
         next_depth = depth + 1
         found: list[str] = []
         match node:
@@ -162,7 +165,7 @@ class WordingReader:
         return found or [_placeholder_of(node)]
 
     def _find_wordings_of_variable(self, node: ast.expr, name: str, depth: int) -> list[str]:
-        """Return what a variable holds, where the function around it assigns only texts."""
+        """Return the possible texts of a variable; none if it is also assigned something else."""
         texts: list[str] = []
         for parts in self.module.find_assignments(node, name):
             if not (_is_text(parts[0]) or isinstance(parts[0], ast.Call)):
@@ -173,7 +176,10 @@ class WordingReader:
         return texts if any(text not in {PLACEHOLDER, ""} for text in texts) else []
 
     def _find_returned_wordings(self, name: str, depth: int) -> list[str]:
-        """Return what a function of this module, or one of that name elsewhere, returns."""
+        """Return the texts that a function returns.
+
+        The function belongs to this module, or it is the only one of this name in the project.
+        """
         module = self.module
         if name not in module.functions:
             if name not in self.package:
@@ -194,7 +200,7 @@ class WordingReader:
 
 
 def find_error_calls() -> Iterator[ErrorCall]:
-    """Find every call of the package that makes an error."""
+    """Yield every call of the packages that creates an error."""
     modules = [Module(path) for path in sorted((ROOT / "packages").glob("*/src/**/*.py"))]
     defining_modules: dict[str, list[Module]] = defaultdict(list)
     for module in modules:
@@ -240,7 +246,7 @@ def _read_error_call(call: ast.Call, module: Module, reader: WordingReader) -> E
 
 
 def format_messages(error_calls: Iterable[ErrorCall]) -> str:
-    """Return the text of the file."""
+    """Return the contents of the messages file."""
     wordings: dict[str, set[str]] = defaultdict(set)
     for error_call in error_calls:
         if error_call.code:

@@ -1,8 +1,9 @@
-"""How straight the ways through the code are: ``make house`` follows a model to C and a rig file to a recording.
+"""Trace which files process a model on its way to C, and a rig file on its way to a recording.
 
-The jobs are run. Whenever a function is entered for the first time and is given the thing that is
-followed, or something made of it, its file is noted. Functions of one file in a row are one stay. A
-*return* is a stay in a file that was left before: somebody who reads along turns back to it.
+``make house`` runs both jobs under a profiler. The trace records the file of each function when it
+is first called with the traced object, or with an object that was made from it. Consecutive calls
+in one file count as one visit. A *return* is a visit to a file that was left before. The fewer
+files and returns, the easier it is to read the code from start to end.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ RIG = ROOT / "examples" / "bearing" / "rig.toml"
 
 
 class FileTrace:
-    """Notes the files through which objects of some packages go."""
+    """The files that process objects of some packages, in the order of the calls."""
 
     def __init__(self, *packages: str) -> None:
         self.packages = packages
@@ -28,7 +29,7 @@ class FileTrace:
         self._entered_functions: set[CodeType] = set()
 
     def trace(self, job: Callable[[], object]) -> dict[str, int]:
-        """Run a job; return its files and its returns."""
+        """Run a job; return the number of files and of returns."""
         sys.setprofile(self._record_call)
         try:
             job()
@@ -57,7 +58,7 @@ class FileTrace:
 
 
 def trace_model_to_c() -> dict[str, int]:
-    """Follow a model to a folder of C."""
+    """Trace a model to a folder of C."""
     import anhyst
 
     with tempfile.TemporaryDirectory() as folder:
@@ -67,7 +68,7 @@ def trace_model_to_c() -> dict[str, int]:
 
 
 def trace_rig_to_recording() -> dict[str, int]:
-    """Follow the rig file of a bearing to the recording of its steps."""
+    """Trace the rig file of a bearing to the recording of its steps."""
     from anhyst_rigs.rig.bearing.held import levitation_fault
     from anhyst_rigs.rig.bearing.loop import make_setups
     from anhyst_rigs.rig.bearing.scenario import plan_recorded_run

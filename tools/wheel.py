@@ -1,12 +1,12 @@
-"""Build wheels for Linux into dist/, and try them where there is nothing else.
+"""Build wheels for Linux into dist/, and test them in empty environments.
 
     python -m tools.wheel [PYTHON ...]
 
-The wheel of anhyst is built for each Python, this one if none is named, and for each machine:
-compiled by zig against an old glibc, named after it, and held to that name by auditwheel. From
-CPython 3.12 on one wheel is for all later ones. The wheels of the other parts are for every machine.
-Then each Python gets an empty environment outside the repository. With the wheel of anhyst alone it
-runs the tutorial up to step 6, with all of them the whole tutorial.
+A wheel of anhyst is built for each Python (by default the one that runs this script) and for each
+machine. zig compiles it against an old glibc, and auditwheel checks the platform tag. A wheel for
+CPython 3.12 is valid for all later versions. The wheels of the other parts are independent of the
+machine. Each Python then gets an empty environment outside the repository. With the wheel of anhyst
+alone, the script runs the tutorial up to step 6. With all wheels, it runs the whole tutorial.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Make from the tables of contract/ what C, Python and pages say of them.
+"""Generate C, Python and tables of the documentation from the tables of contract/.
 
-Without arguments the files are written; with ``--check`` nothing is written and the exit code is 1
-if one of them is not what the tables say.
+Without arguments, the script writes the files. With ``--check``, it writes nothing, and the exit
+code is 1 if a file differs from the tables.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PAGE = ROOT / "docs" / "link.md"
 
 
 def wanted() -> dict[Path, str]:
-    """Return every file that is made, with its text."""
+    """Return every generated file with its contents."""
     frames, signals = read("frames"), read("signals")
     controller, block, xcp = read("controller"), read("block"), read("xcp")
     tables = page(frames, signals, controller)
@@ -42,7 +42,7 @@ def wanted() -> dict[Path, str]:
 
 
 def main() -> int:
-    """Write the files, or compare them."""
+    """Write the files, or compare them with the tables."""
     files = wanted()
     differ = [f for f, text in files.items() if not f.exists() or f.read_text("utf-8") != text]
     if sys.argv[1:] == ["--check"]:

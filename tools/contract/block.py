@@ -1,4 +1,4 @@
-"""C of the layout of a parameter block."""
+"""Generate the C header with the layout of a parameter block."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ UNIT_NAMES = {"1": "NUMBER"}
 
 
 def scale_words(block: Entry) -> list[Entry]:
-    """Return the words that say what the signals are counted in."""
+    """Return the words that contain the scales of the signals."""
     return next(group["words"] for group in block["group"] if group["name"] == "scale")
 
 
 def word_comment(word: Entry) -> str:
-    """Say in one line what a word is."""
+    """Return the one-line comment of a word."""
     about = f"table, {word['format']}" if "axis" in word else word["format"]
     if word["format"] == "integer" and word["low"] < word["high"]:
         about = f"{word['low']}..{word['high']}"

@@ -1,4 +1,4 @@
-"""C of the tables: frames of the link, states and flags of a controller."""
+"""Generate C from the tables: frames of the link, states and flags of a controller."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SPDX = "/* SPDX-License-Identifier: Apache-2.0 */"
 
 
 def comment(text: str, indent: str = "") -> str:
-    """Return the text as a comment of its own lines."""
+    """Return a text as a comment on lines of its own."""
     return textwrap.fill(
         f"/* {text} */",
         100,
@@ -22,12 +22,12 @@ def comment(text: str, indent: str = "") -> str:
 
 
 def constant(value: int) -> str:
-    """Return an integer constant that means the same whatever the width of int."""
+    """Return an integer constant whose type does not depend on the width of int."""
     return "INT32_MIN" if value == -(2**31) else f"INT32_C({value})"
 
 
 def line_of(code: str, doc: str) -> list[str]:
-    """Return an indented line with its comment, behind it where it fits, else above."""
+    """Return an indented line with its comment: after the code if it fits, otherwise above."""
     if not doc:
         return [f"  {code}"]
     if len(f"  {code} /* {doc} */") <= 100:
@@ -58,7 +58,7 @@ def struct(name: str, entry: Entry) -> str:
 
 
 def arrays_of(entry: Entry) -> dict[str, list[Entry]]:
-    """Return for each name what is of further magnets: elements of one array, wherever their bytes are."""
+    """Return the fields that form an array for several magnets, by the array's name."""
     found: dict[str, list[Entry]] = {}
     for field in entry["fields"]:
         if "array" in field:
@@ -67,7 +67,7 @@ def arrays_of(entry: Entry) -> dict[str, list[Entry]]:
 
 
 def access(field: Entry, variable: str, at: int, put: bool) -> str:
-    """Return the statement that puts or gets one field from or into a variable."""
+    """Return the statement that writes or reads one field."""
     kind = field["type"]
     signed = kind.startswith("i")
     wide = f"u{8 * SIZES[kind]}"
@@ -79,7 +79,7 @@ def access(field: Entry, variable: str, at: int, put: bool) -> str:
 
 
 def accesses(entry: Entry, put: bool) -> list[str]:
-    """Return the statements that put or get all fixed fields."""
+    """Return the statements that write or read all fixed fields."""
     at = 0
     lines = []
     arrays = arrays_of(entry)
@@ -92,7 +92,7 @@ def accesses(entry: Entry, put: bool) -> list[str]:
 
 
 def field_code(frame: Entry) -> str:
-    """Return the access to a frame of a single field, which needs no struct."""
+    """Return the access to a frame with a single field, which needs no struct."""
     field = frame["fields"][0]
     name, c_type = field["name"], C_TYPES[field["type"]]
     if is_request(frame):
@@ -105,7 +105,7 @@ def field_code(frame: Entry) -> str:
 
 
 def frame_code(frame: Entry) -> str:
-    """Return size, struct and the one access that the controller needs; the enum has the text."""
+    """Return the size, the struct and the one access function that the controller needs."""
     name = f"link_{frame['name']}"
     parts = [f"#define LINK_SIZE_{frame['name'].upper()} {size_of(frame['fields'])}"]
     if len(frame["fields"]) == 1:
@@ -122,7 +122,7 @@ def frame_code(frame: Entry) -> str:
 
 
 def plant_code(record: Entry) -> str:
-    """Return size, struct and access of a record of the plant's bus."""
+    """Return the size, the struct and the access functions of a record on the plant's bus."""
     name, size = record["name"], size_of(record["fields"]) + 4
     size_line = f"#define LINK_SIZE_{name.upper()} {size}"
     parts = [size_line, comment(record["doc"]), struct(f"link_{name}", record)]
@@ -146,7 +146,7 @@ def plant_code(record: Entry) -> str:
 
 
 def bus_header(plant: Entry) -> str:
-    """Return the header by which the plant knows the records, without their check."""
+    """Return the header that the plant uses for the records, without their check words."""
     parts = []
     for record in plant["record"]:
         prefix = f"ANHYST_BUS_{record['name'].removeprefix('plant_').upper()}"
@@ -210,7 +210,7 @@ def macros(prefix: str, entry: Entry, values: list[int]) -> list[str]:
 
 
 def guarded(guard: str, about: str, parts: list[str]) -> str:
-    """Return a header of the core."""
+    """Return a header with an include guard."""
     top = f"{SPDX}\n{comment(about)}\n/* clang-format off */\n#ifndef {guard}\n#define {guard}"
     return "\n\n".join([top, *parts]) + "\n\n#endif\n"
 

@@ -1,4 +1,4 @@
-"""The tables of docs/link.md."""
+"""Generate the tables of docs/link.md."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def page(frames: Entry, signals: Entry, controller: Entry) -> str:
 
 
 def page_with_tables(text: str, tables: str) -> str:
-    """Return the page's text with its tables made again, or as it was where it has no place."""
+    """Return the page with its tables generated again; unchanged if it has no place for them."""
     before, begin, rest = text.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:

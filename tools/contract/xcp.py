@@ -1,4 +1,4 @@
-"""C of what a master of XCP sees."""
+"""Generate the C header with the signals and areas that an XCP master sees."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The documentation site: hand-written pages, generated reference, gallery."""
+"""Build the documentation site from hand-written pages, a generated reference and a gallery."""

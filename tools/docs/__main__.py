@@ -1,8 +1,8 @@
 """Build the documentation site into build/site: ``make docs``.
 
-The pages of docs/ are copied. Links to files outside docs/ become the names of these files, and the
-page of the decisions gets the navigation to its notes. The reference is generated, and every script
-of examples/gallery is run. Warnings are errors.
+The script copies the pages of docs/. It replaces links to files outside docs/ by the names of these
+files, and adds the navigation to the page of decisions. It generates the reference and runs every
+script of examples/gallery. Warnings are errors.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SOURCE, SITE = ROOT / "build" / "site-source", ROOT / "build" / "site"
 
 
 def assemble(place: Path) -> None:
-    """Put everything that Sphinx reads in one folder."""
+    """Write all inputs of Sphinx to one folder."""
     shutil.rmtree(place, ignore_errors=True)
     (place / "reference").mkdir(parents=True)
     shutil.copytree(ROOT / "docs" / "img", place / "img")
@@ -49,7 +49,7 @@ def assemble(place: Path) -> None:
 
 
 def main() -> int:
-    """Assemble and build."""
+    """Assemble and build the site; return the exit code of Sphinx."""
     assemble(SOURCE)
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
     done = subprocess.run([*command, str(SOURCE), str(SITE)], check=False)

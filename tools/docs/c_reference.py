@@ -1,4 +1,4 @@
-"""The reference of the C core, out of its headers: each comment with what it stands before."""
+"""Generate the reference of the C core from its headers."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _header(path: Path, include: Path) -> str:
 
 
 def _declarations(text: str) -> list[tuple[str, str]]:
-    """Return each comment that a declaration follows, with that declaration."""
+    """Return each comment that is followed by a declaration, with that declaration."""
     found = []
     for match in _DECLARED.finditer(text):
         comment, code = _plain(match.group(1)), match.group(2).strip()
@@ -49,7 +49,7 @@ def _entry(comment: str, code: str) -> str:
 
 
 def _plain(comment: str) -> str:
-    """Return a comment as a paragraph; angle brackets and stars are text."""
+    """Return a comment as a paragraph, with Markdown characters escaped."""
     lines = [line.strip() for line in comment.strip().splitlines()]
     text = "\n".join(lines)
     return re.sub(r"([*_<>\[\]`|$#])", r"\\\1", text)

@@ -1,4 +1,4 @@
-"""The reference of the command line, out of the verbs themselves."""
+"""Generate the reference of the command line from the commands themselves."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from anhyst.cli.app import app
 
 
 def command_line() -> str:
-    """Return a page with every verb: what it does, its arguments, its options, its examples."""
+    """Return a page with every command: its purpose, arguments, options and examples."""
     group: Any = typer.main.get_command(app)
     parts = [
         "# Command line\n",
@@ -48,7 +48,7 @@ def _row(one: Any) -> str:
 
 
 def _text(text: str) -> str:
-    """Return text as Markdown: what a cell or a tag would take is escaped."""
+    """Return text as Markdown with special characters escaped."""
     for mark in ("<", ">", "|", "*", "["):
         text = text.replace(mark, f"\\{mark}")
     return text

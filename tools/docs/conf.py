@@ -1,4 +1,4 @@
-"""Settings of Sphinx; the pages are those that tools/docs assembles."""
+"""Settings of Sphinx for the pages that tools/docs assembles."""
 
 project = "anhyst"
 copyright = "the authors of anhyst"  # noqa: A001

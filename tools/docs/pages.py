@@ -1,4 +1,4 @@
-"""Which pages the site has, in which order."""
+"""List the pages of the site in their order."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
     "Results": ("results-models", "results-controller", "results-bearing", "results-tracking"),
     "Background": ("theory", "reproducibility", "faq", "contributing", "decisions/index"),
 }
-"""Hand-written pages of docs/, by chapter; the gallery and the reference follow."""
+"""Hand-written pages of docs/ by chapter. The gallery and the reference follow them."""
 
 REFERENCE = ("python-names", "command-line", "c")
 
 
 def index() -> str:
-    """Return the landing page: one picture, one command, and where to go on."""
+    """Return the landing page: a picture, a command and the chapters."""
     parts = [
         "# anhyst\n",
         "*From a measured loop to a linear actuator.*\n",
@@ -68,14 +68,14 @@ def index() -> str:
 
 
 def chapters() -> dict[str, str]:
-    """Return the page of each chapter by its name, which lists the pages in it."""
+    """Return the page of each chapter, which lists its pages, by name."""
     found = {slug(title): f"# {title}\n\n{_tree(pages)}" for title, pages in CHAPTERS.items()}
     pages = tuple(f"reference/{name}" for name in REFERENCE)
     return found | {"reference": f"# Reference\n\n{_tree(pages)}"}
 
 
 def without_outside_links(text: str, depth: int) -> str:
-    """Return a page whose links to files outside docs/ are replaced by the names of these files.
+    """Return a page with links to files outside docs/ replaced by the names of these files.
 
     ``depth`` is the number of folders between docs/ and the page.
     """
@@ -84,13 +84,13 @@ def without_outside_links(text: str, depth: int) -> str:
 
 
 def decisions(folder: Path) -> str:
-    """Return the navigation to the notes of a folder, in the order of their numbers."""
+    """Return the navigation to the notes of a folder, sorted by their numbers."""
     notes = sorted(note.stem for note in folder.glob("[0-9]*.md"))
     return f"\n{_tree(tuple(notes)).replace(':maxdepth: 1', ':hidden:')}"
 
 
 def slug(title: str) -> str:
-    """Return the name of a chapter's page; no page of docs/ is called so."""
+    """Return the name of a chapter's page. No page in docs/ has such a name."""
     return "chapter-" + title.lower().replace(" ", "-")
 
 

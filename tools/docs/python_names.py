@@ -1,4 +1,4 @@
-"""The reference of the Python names: what each package of the project gives."""
+"""Generate the reference of the public Python names of each package."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ PARTS = ("anhyst", "anhyst_rigs", "anhyst_exchange")
 
 
 def python_names() -> str:
-    """Return a page of directives that read the docstrings."""
+    """Return a page of directives that include the docstrings."""
     page = ["# Python\n", "What each package gives; see [anhyst in Python](../python.md).\n"]
     for part in PARTS:
         package = import_module(part)

@@ -1,1 +1,2 @@
-"""Prove the fixed-point C free of undefined behaviour; each proof is shown to see a fault."""
+"""Prove that the fixed-point C has no undefined behaviour. Each proof must also detect a seeded
+fault."""

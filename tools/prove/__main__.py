@@ -1,7 +1,8 @@
-"""Run the proofs: ``make prove`` those that changed, ``make prove-all`` all of them.
+"""Run the proofs: ``make prove`` runs those that changed, ``make prove-all`` all of them.
 
-``proofs/proofs.toml`` lists the proofs, ``proofs/proved.toml`` records those that held,
-docs/proofs.md explains both. With names as arguments: those proofs, recorded or not.
+``proofs/proofs.toml`` lists the proofs and ``proofs/proved.toml`` records those that held;
+docs/proofs.md explains both. Arguments are names of proofs, which are run even if they are
+recorded.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ MIN_RECORDED_S = 5  # seconds of processor time, below which a proof is run rath
 
 
 def print_evidence(proof: Proof, evidence: Evidence) -> None:
-    """Print one line of the table, and the tool's last words where it went wrong."""
+    """Print one line of the table, and the end of the tool's output if the proof failed."""
     real, control = evidence.real, evidence.control
     rejected = "rejected" if control.verdict == REFUTED else control.verdict
     print(
@@ -38,12 +39,12 @@ def print_evidence(proof: Proof, evidence: Evidence) -> None:
 
 
 def current_hash(proof: Proof) -> str:
-    """Return the hash of what a proof depends on, as it stands on the disk."""
+    """Return the hash of the files that a proof depends on, as they are now on the disk."""
     return content_hash(proof, version(proof.tool))
 
 
 def run_all(proofs: list[Proof], contents: dict[str, str], record: dict[str, Entry]) -> int:
-    """Run proofs two at a time, and record each that held; return how many did."""
+    """Run proofs two at a time, and record each proof that held; return their number."""
     runs: dict[str, dict[bool, Outcome]] = {proof.name: {} for proof in proofs}
     held_count = 0
     with ThreadPoolExecutor(2) as pool:
@@ -69,7 +70,7 @@ def run_all(proofs: list[Proof], contents: dict[str, str], record: dict[str, Ent
 
 
 def read_valid_record(contents: dict[str, str]) -> dict[str, Entry]:
-    """Return what is still true of the record; name what is not."""
+    """Return the entries of the record that are still valid; print the names of the others."""
     found = read_record(RECORD)
     valid = {n: e for n, e in found.items() if n in contents and is_valid(e, contents[n])}
     for name in sorted(set(found) - set(valid)):

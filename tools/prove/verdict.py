@@ -1,4 +1,4 @@
-"""What a tool's output says. Part of what a recorded proof depends on, so nothing else is here."""
+"""Read the verdict from a tool's output. Recorded proofs depend on this file: keep it minimal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ PROVED, REFUTED, TIMEOUT, NO_ANSWER = "proved", "refuted", "timeout", "no answer
 
 
 def verdict_of(tool: str, output: str) -> str:
-    """Read the tool's answer; anything else than a clear yes or no is reported as it is."""
+    """Return the verdict of a tool; "no answer" unless the output is a clear yes or no."""
     if tool == "esbmc":
         if "VERIFICATION SUCCESSFUL" in output:
             return PROVED
