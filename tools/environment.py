@@ -60,8 +60,7 @@ def settings(folder: Path) -> dict[str, Any]:
 
 
 def requirements(listed: list[str]) -> list[str]:
-    """Return requirements, with each extra of a part of this repository replaced by its
-    requirements."""
+    """Return requirements, with extras of this repository replaced by what they require."""
     found = []
     for one in listed:
         if inner := re.fullmatch(r"(anhyst[a-z-]*)\[(.*)\]", one):

@@ -1,2 +1,1 @@
-"""Prove that the fixed-point C has no undefined behaviour. Each proof must also detect a seeded
-fault."""
+"""Prove that the fixed-point C has no undefined behaviour, and that each proof detects a fault."""

@@ -28,8 +28,7 @@ def replace_by_contract(file: Path, function: str) -> None:
 
 
 def copy_core(core: Path, proof: Proof, to: Path, *, broken: bool) -> None:
-    """Copy ``core`` to ``to`` with the annotations of a proof, and with the fault of its control if
-    broken."""
+    """Copy ``core`` to ``to`` with a proof's annotations, and with its control's fault if broken."""
     shutil.copytree(core, to)
     if broken:
         control = proof.control

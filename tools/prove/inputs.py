@@ -15,8 +15,7 @@ from tools.prove.provers import command, include_arguments, sources
 
 
 def files_read(proof: Proof, core: Path) -> list[Path]:
-    """Return the sources and headers that a proof reads in a copy of core/, as the compiler lists
-    them.
+    """Return the sources and headers that a proof reads in a copy of core/.
 
     A file counts as a whole, even if a tool's preprocessor removes parts of it.
     """
