@@ -306,7 +306,7 @@ def main() -> int:
         }
     if not options.folder:
         limits = {folder: limits[folder] for folder in shares}
-    RECORD.write_text(json.dumps(limits, indent=2, sort_keys=True) + "\n", "utf-8")
+        RECORD.write_text(json.dumps(limits, indent=2, sort_keys=True) + "\n", "utf-8")
     return int(is_exceeded)
 
 
