@@ -13,69 +13,71 @@
 
 /* Types of frames. */
 enum {
-  /* Opens a session: the sequence starts again with this frame. Where this very session is open
-     already it is answered and changes nothing. */
+  /* Opens a session: the sequence numbers start again with this frame. If this session is already
+     open, the frame is answered and has no effect. */
   LINK_TYPE_HELLO = 1,
-  LINK_TYPE_HEARTBEAT = 2, /* Asks for the status. */
-  /* The demanded force, in force from the next tick. Without effect outside run and on a position.
-     */
+  LINK_TYPE_HEARTBEAT = 2, /* Requests the status. */
+  /* The demanded force, valid from the next tick on. No effect outside the state run and on a
+     position controller. */
   LINK_TYPE_DEMAND = 3,
-  LINK_TYPE_COMMAND = 4, /* Changes the state. Detail of the answer: the state entered. */
-  LINK_TYPE_SETTING_READ = 5, /* Asks for a setting. */
-  LINK_TYPE_SETTING_WRITE = 6, /* Sets a setting, in force from the next tick. */
-  /* Announces a parameter block; what had arrived of another is forgotten. */
+  LINK_TYPE_COMMAND = 4, /* Changes the state. Detail of the answer: the new state. */
+  LINK_TYPE_SETTING_READ = 5, /* Requests a setting. */
+  LINK_TYPE_SETTING_WRITE = 6, /* Changes a setting, valid from the next tick on. */
+  /* Announces a parameter block and discards words of an incomplete one. */
   LINK_TYPE_BLOCK_BEGIN = 7,
   /* The next words of the block. Detail of the answer: the next offset. */
   LINK_TYPE_BLOCK_DATA = 8,
-  /* Checks the block and puts it in force between two ticks. On any error the old one stays. Detail
-     of the answer: the generation in force. */
+  /* Checks the block and activates it between two ticks. After an error, the old block remains
+     active. Detail of the answer: the generation of the active block. */
   LINK_TYPE_BLOCK_SWAP = 9,
-  LINK_TYPE_BLOCK_READ = 10, /* Asks for words of the block in force. */
-  /* The position to go to and hold, from the next tick on; before lifting, the first one. Refused
-     beyond the positions that can be, and by a controller of force. */
+  LINK_TYPE_BLOCK_READ = 10, /* Requests words of the active block. */
+  /* The target position, valid from the next tick on; before a lift, the first target. A position
+     outside the range is rejected, and a force controller rejects every target. */
   LINK_TYPE_TARGET = 14,
-  /* Keeps the block in force for the next start, where the board has room for one. In idle or ready
-     at zero current alone: the board's time may stand still meanwhile, for seconds. Detail: its
-     generation. */
+  /* Stores the active block for the next start, if the board has non-volatile memory. Allowed only
+     in idle or ready at zero current, because the board may stop its ticks for seconds. Detail: the
+     generation of the block. */
   LINK_TYPE_KEEP = 15,
-  /* A command of XCP, or nothing where only samples are wanted. Is no sign of life by itself: the
-     command is, of a master that has shown the key. */
+  /* An XCP command; an empty frame requests only samples. Only the command of an unlocked master
+     counts as a heartbeat, not the frame. */
   LINK_TYPE_XCP = 16,
-  LINK_TYPE_INFO = 129, /* Who the controller is. */
-  LINK_TYPE_STATUS = 130, /* What the controller did in the tick that its head names. */
-  LINK_TYPE_ACK = 131, /* Done. */
-  LINK_TYPE_NAK = 132, /* Not done, and nothing changed. */
+  LINK_TYPE_INFO = 129, /* Identification of the controller. */
+  LINK_TYPE_STATUS = 130, /* State and signals of the tick in the header. */
+  LINK_TYPE_ACK = 131, /* The request was executed. */
+  LINK_TYPE_NAK = 132, /* The request was rejected and had no effect. */
   LINK_TYPE_SETTING = 133, /* The value of a setting. */
-  LINK_TYPE_BLOCK_WORDS = 134, /* Words of the block in force. */
-  /* What the command is answered with, then events and samples: each packet behind its length. */
+  LINK_TYPE_BLOCK_WORDS = 134, /* Words of the active block. */
+  /* The answer to the command, then events and samples; each packet follows its length. */
   LINK_TYPE_XCP_PACKETS = 137,
   LINK_TYPE_COUNT = 20
 };
 
-/* Why a request was not done (NAK). */
+/* Reasons for rejecting a request (NAK). */
 enum {
   LINK_REASON_NONE = 0,
-  LINK_REASON_VERSION = 1, /* another protocol version; detail: the controller's */
-  LINK_REASON_TYPE = 2, /* no such request */
-  LINK_REASON_LENGTH = 3, /* the payload has the wrong length; detail: the length it had */
-  /* number overtaken by newer ones; detail: 1 a request of this number was answered then, 0 none */
+  LINK_REASON_VERSION = 1, /* different protocol version; detail: the controller's version */
+  LINK_REASON_TYPE = 2, /* unknown request */
+  LINK_REASON_LENGTH = 3, /* wrong length of the payload; detail: its length */
+  /* the sequence number is older than the last one; detail: 1 if a request with this number was
+     answered, otherwise 0 */
   LINK_REASON_OLD = 4,
-  LINK_REASON_STATE = 5, /* not in this state; detail: the state */
-  LINK_REASON_VALUE = 6, /* a value out of its range, or no such setting, command or word */
-  /* block data without begin or not at the next offset; detail: the next offset */
+  LINK_REASON_STATE = 5, /* not allowed in this state; detail: the state */
+  LINK_REASON_VALUE = 6, /* value out of range, or unknown setting, command or word */
+  /* block data without block_begin or with a wrong offset; detail: the expected offset */
   LINK_REASON_ORDER = 7,
-  LINK_REASON_CHECKSUM = 8, /* the block that arrived is not the one that was announced */
-  LINK_REASON_BLOCK = 9, /* the block is not valid, or of another kind or layout */
-  LINK_REASON_GENERATION = 10, /* the block has another generation; detail: its own */
-  LINK_REASON_SESSION = 11, /* no session is open: hello comes first */
-  LINK_REASON_CURRENT = 12, /* in this state, but current still flows; once it is zero */
-  /* made for other full scales, gaps, rate or units; detail: the first word that differs */
+  LINK_REASON_CHECKSUM = 8, /* the received block does not have the announced checksum */
+  LINK_REASON_BLOCK = 9, /* the block is invalid, or has a different kind or layout */
+  LINK_REASON_GENERATION = 10, /* the block has a different generation; detail: its generation */
+  LINK_REASON_SESSION = 11, /* no session is open: send hello first */
+  LINK_REASON_CURRENT = 12, /* current still flows; repeat the request at zero current */
+  /* the block has different full scales, gaps, rate or units; detail: the first word that differs
+     */
   LINK_REASON_SCALE = 13,
-  LINK_REASON_NOT_KEPT = 14, /* the board has no room that outlives the power, or it did not keep */
+  LINK_REASON_NOT_KEPT = 14, /* the board has no non-volatile memory, or writing failed */
   LINK_REASON_COUNT = 15
 };
 
-/* What a controller controls. */
+/* The controlled quantity. */
 enum {
   LINK_BODY_FORCE = 0, /* the force of a magnet */
   LINK_BODY_POSITION = 1, /* the position of a levitating armature */
@@ -84,47 +86,48 @@ enum {
 
 /* Settings. */
 enum {
-  /* ticks without a new request until the link counts as lost; the board has a ceiling of its own
-     */
+  /* maximum number of ticks between two requests; afterwards the link counts as lost; the board has
+     its own upper limit */
   LINK_SETTING_HEARTBEAT_TICKS = 0,
-  LINK_SETTING_DEMAND_SLEW = 1, /* largest change of the demand in a tick, q31 */
+  LINK_SETTING_DEMAND_SLEW = 1, /* largest change of the demand per tick, q31 */
   LINK_SETTING_COMPENSATION = 2, /* 1: the compensator; 0: a constant force-current ratio */
-  LINK_SETTING_RATIO = 3, /* the constant ratio, q30: current for each unit of demand */
-  /* what the memory follows. 0: the current driven; 1: the current measured */
+  LINK_SETTING_RATIO = 3, /* constant ratio of current to demand, q30 */
+  /* current that updates the hysteresis state. 0: commanded; 1: measured */
   LINK_SETTING_FOLLOW = 4,
-  /* 0: the gains built in; 1: these times gain_p to gain_dd as they stand when this is written */
+  /* 0: built-in gains; 1: built-in gains times gain_p to gain_dd, read when this setting is written
+     */
   LINK_SETTING_GAINS = 5,
-  LINK_SETTING_GAIN_P = 6, /* share of the proportional gain built in, q30 */
-  LINK_SETTING_GAIN_I = 7, /* share of the integral gain, q30 */
-  LINK_SETTING_GAIN_D = 8, /* share of the gain of the first derivative, q30 */
-  LINK_SETTING_GAIN_DD = 9, /* share of the gain of the second derivative, q30 */
-  /* largest deviation of the measured from the driven current, q31 */
+  LINK_SETTING_GAIN_P = 6, /* factor of the built-in proportional gain, q30 */
+  LINK_SETTING_GAIN_I = 7, /* factor of the built-in integral gain, q30 */
+  LINK_SETTING_GAIN_D = 8, /* factor of the built-in gain of the first derivative, q30 */
+  LINK_SETTING_GAIN_DD = 9, /* factor of the built-in gain of the second derivative, q30 */
+  /* largest difference between measured and commanded current, q31 */
   LINK_SETTING_CURRENT_TOLERANCE = 10,
   /* longest time constant of amplifier and current sensor, ticks */
   LINK_SETTING_CURRENT_LAG_TICKS = 11,
-  /* ticks in which the amplifier can change the current by the full scale */
+  /* time in which the amplifier can change the current by the full scale, ticks */
   LINK_SETTING_CURRENT_SWEEP_TICKS = 12,
-  /* samples in a row beyond current_tolerance until it is a fault */
+  /* number of consecutive samples beyond current_tolerance that cause a fault */
   LINK_SETTING_CURRENT_OFF_TICKS = 13,
   LINK_SETTING_COUNT = 14
 };
 
 /* What can be read at every tick. */
 enum {
-  LINK_SIGNAL_DEMAND = 0, /* demand in force, q31 of the full-scale force */
+  LINK_SIGNAL_DEMAND = 0, /* active demand, q31 of the full-scale force */
   LINK_SIGNAL_FORCE = 1, /* measured force, q30 */
   LINK_SIGNAL_GAP = 2, /* measured gap, q30 */
   LINK_SIGNAL_CURRENT = 3, /* measured current, q30 */
-  LINK_SIGNAL_DRIVE = 4, /* current driven, q31 of the full-scale current */
+  LINK_SIGNAL_DRIVE = 4, /* commanded current, q31 of the full-scale current */
   LINK_SIGNAL_FLUX = 5, /* flux of the model after the commit, q30 */
-  LINK_SIGNAL_EXPECTED = 6, /* force that the model expects after the commit, q31 */
+  LINK_SIGNAL_EXPECTED = 6, /* force of the model after the commit, q31 */
   LINK_SIGNAL_STATE = 7, /* state, as a number */
   LINK_SIGNAL_FLAGS = 8, /* flags, as in status */
   LINK_SIGNAL_POSITION = 9, /* measured position, q31 of the controller's full scale */
-  LINK_SIGNAL_REFERENCE = 10, /* position controlled to, likewise */
+  LINK_SIGNAL_REFERENCE = 10, /* reference position, q31 of the controller's full scale */
   LINK_SIGNAL_PHASE = 11, /* phase, as a number */
   LINK_SIGNAL_CURRENT_2 = 12, /* measured current of the second magnet, q30 */
-  LINK_SIGNAL_DRIVE_2 = 13, /* current driven there, q31 */
+  LINK_SIGNAL_DRIVE_2 = 13, /* commanded current of the second magnet, q31 */
   LINK_SIGNAL_FAULT = 14, /* latched reason of a fault, as a number */
   LINK_SIGNAL_COUNT = 15
 };
@@ -150,7 +153,7 @@ enum {
 #define LINK_SIZE_HELLO 6
 typedef struct {
   uint16_t version; /* protocol version of the PC */
-  uint32_t session; /* number of the session, drawn at random by the PC */
+  uint32_t session; /* random number of the session, chosen by the PC */
 } link_hello;
 static inline void link_get_hello(link_hello *m, const uint8_t *p)
 {
@@ -186,7 +189,7 @@ static inline void link_get_setting_write(link_setting_write *m, const uint8_t *
 #define LINK_SIZE_BLOCK_BEGIN 8
 typedef struct {
   uint16_t words; /* length of the block */
-  uint16_t generation; /* of the block */
+  uint16_t generation; /* generation of the block */
   uint32_t checksum; /* CRC-32 of all its words, low byte first */
 } link_block_begin;
 static inline void link_get_block_begin(link_block_begin *m, const uint8_t *p)
@@ -197,16 +200,16 @@ static inline void link_get_block_begin(link_block_begin *m, const uint8_t *p)
 }
 
 #define LINK_SIZE_BLOCK_DATA 2
-/* offset: of the first of these words in the block */
+/* offset: offset of the first word in the block */
 static inline uint16_t link_get_block_data(const uint8_t *p) { return link_get_u16(p); }
 
 #define LINK_SIZE_BLOCK_SWAP 2
-/* generation: of the block */
+/* generation: generation of the block */
 static inline uint16_t link_get_block_swap(const uint8_t *p) { return link_get_u16(p); }
 
 #define LINK_SIZE_BLOCK_READ 4
 typedef struct {
-  uint16_t offset; /* first word wanted */
+  uint16_t offset; /* first requested word */
   uint16_t words; /* number of words, 1..118 */
 } link_block_read;
 static inline void link_get_block_read(link_block_read *m, const uint8_t *p)
@@ -216,7 +219,7 @@ static inline void link_get_block_read(link_block_read *m, const uint8_t *p)
 }
 
 #define LINK_SIZE_TARGET 4
-/* position: q31 of the controller's full scale */
+/* position: q31 of the position controller's full scale */
 static inline int32_t link_get_target(const uint8_t *p) { return link_get_i32(p); }
 
 #define LINK_SIZE_KEEP 0
@@ -229,13 +232,13 @@ typedef struct {
   uint16_t firmware; /* version of the firmware: 256*major + minor */
   uint16_t kind; /* kind of compensator (ANHYST_KIND_...) */
   uint16_t layout; /* layout of the parameter blocks */
-  uint16_t generation; /* of the block in force */
-  uint16_t capacity; /* most words of a parameter block */
-  uint16_t ramp; /* ms from full current to zero in the safe state */
-  uint32_t model; /* first 32 bits of the hash of the model of the block */
-  uint32_t rate; /* ticks a second */
-  uint16_t body; /* what it controls, one of body */
-  uint16_t magnets; /* 1, or 2 that pull against each other */
+  uint16_t generation; /* generation of the active block */
+  uint16_t capacity; /* maximum number of words of a parameter block */
+  uint16_t ramp; /* time from full current to zero in the safe state, ms */
+  uint32_t model; /* first 32 bits of the model's hash */
+  uint32_t rate; /* ticks per second */
+  uint16_t body; /* controlled quantity, one of body */
+  uint16_t magnets; /* number of magnets: 1, or an opposing pair */
 } link_info;
 static inline void link_put_info(uint8_t *p, const link_info *m)
 {
@@ -255,21 +258,21 @@ static inline void link_put_info(uint8_t *p, const link_info *m)
 #define LINK_SIZE_STATUS 54
 typedef struct {
   uint8_t state; /* one of state */
-  uint8_t fault; /* one of fault: the latched reason */
+  uint8_t fault; /* latched reason, one of fault */
   uint16_t flags; /* bits of flag */
-  int32_t demand; /* demand in force, q31 */
-  int32_t force; /* measured, q30 */
-  int32_t gap; /* measured, q30 */
-  int32_t current[2]; /* measured, q30; of the second magnet, likewise */
-  int32_t drive[2]; /* current driven, q31; in the second magnet, likewise */
-  uint16_t generation; /* of the block in force */
-  uint16_t bad_frames; /* frames thrown away, modulo 65536 */
-  uint16_t lost_frames; /* sequence numbers left out, modulo 65536 */
-  uint16_t missed_ticks; /* since power on, modulo 65536 */
+  int32_t demand; /* active demand, q31 */
+  int32_t force; /* measured force, q30 */
+  int32_t gap; /* measured gap, q30 */
+  int32_t current[2]; /* measured current, q30; measured current of the second magnet, q30 */
+  int32_t drive[2]; /* commanded current, q31; commanded current of the second magnet, q31 */
+  uint16_t generation; /* generation of the active block */
+  uint16_t bad_frames; /* damaged frames, modulo 65536 */
+  uint16_t lost_frames; /* missing sequence numbers, modulo 65536 */
+  uint16_t missed_ticks; /* missed ticks since power-on, modulo 65536 */
   uint16_t phase; /* one of phase */
-  int32_t position; /* the last plausible one, q31 */
-  int32_t reference; /* position controlled to, q31 */
-  uint32_t cycles; /* of the processor, in the longest tick so far; 0: not counted */
+  int32_t position; /* last plausible position, q31 */
+  int32_t reference; /* reference position, q31 */
+  uint32_t cycles; /* processor cycles of the longest tick; 0: not counted */
 } link_status;
 static inline void link_put_status(uint8_t *p, const link_status *m)
 {
@@ -329,19 +332,21 @@ static inline void link_put_setting(uint8_t *p, const link_setting *m)
 }
 
 #define LINK_SIZE_BLOCK_WORDS 2
-/* offset: of the first of these words */
+/* offset: offset of the first word */
 static inline void link_put_block_words(uint8_t *p, uint16_t offset) { link_put_u16(p + 0, offset); }
 
 #define LINK_SIZE_XCP_PACKETS 0
 
 #define LINK_SIZE_PLANT_SAMPLE 32
-/* Plant to controller: what the sensors show at the beginning of a tick. */
+/* Plant to controller: the sensor readings at the beginning of a tick. */
 typedef struct {
   uint32_t tick; /* counts from 1 */
   int32_t gap; /* q30: 0 is the low end of the model's gaps, 1.0 the high one */
   int32_t force; /* q30 of the full-scale force */
-  int32_t position; /* q31 of the controller's full scale */
-  int32_t current[2]; /* q30 of the full-scale current, of the first magnet; of the second */
+  int32_t position; /* q31 of the position controller's full scale */
+  /* current of the first magnet, q30 of full scale; current of the second magnet, q30 of full scale
+     */
+  int32_t current[2];
   uint32_t status; /* bits of PORT_... in port/port.h */
 } link_plant_sample;
 /* Whether the record is valid; fills it either way. */
@@ -358,17 +363,19 @@ static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
 }
 
 #define LINK_SIZE_PLANT_DRIVE 40
-/* Controller to plant: what is to flow from the beginning of the next tick on. Then signals that a
-   plant does not know by itself. */
+/* Controller to plant: the currents from the beginning of the next tick on, and signals of the
+   controller for recordings. */
 typedef struct {
-  uint32_t tick; /* of the sample from which this was computed */
-  int32_t drive[2]; /* q31 of the full-scale current, of the first magnet; of the second */
+  uint32_t tick; /* tick of the sample from which the record was computed */
+  /* commanded current of the first magnet, q31 of full scale; commanded current of the second
+     magnet, q31 of full scale */
+  int32_t drive[2];
   uint32_t state; /* state + 256*fault */
   uint32_t mode; /* flags + 65536*phase */
-  int32_t demand; /* demand in force, q31 of the full-scale force */
-  int32_t reference; /* position controlled to, q31 of the controller's full scale */
-  int32_t flux; /* flux of the model of the first magnet after the commit, q30 */
-  int32_t expected; /* force that this model expects, q31 */
+  int32_t demand; /* active demand, q31 of the full-scale force */
+  int32_t reference; /* reference position, q31 of the controller's full scale */
+  int32_t flux; /* flux of the first magnet's model after the commit, q30 */
+  int32_t expected; /* force of this model, q31 */
 } link_plant_drive;
 static inline void link_put_plant_drive(uint8_t *p, const link_plant_drive *m)
 {

@@ -20,7 +20,7 @@ enum {
   XCP_AREA_SIGNAL = 1, /* signals of the last tick, 4 bytes each */
   XCP_AREA_SETTING = 2, /* settings, 4 bytes each */
   XCP_AREA_INPUT = 3, /* demand, target and command, 4 bytes each */
-  /* parameter block, 2 bytes a word: page 0 that in force, page 1 the next one */
+  /* parameter block, 2 bytes per word: page 0 is active, page 1 is the next one */
   XCP_AREA_BLOCK = 4,
   XCP_AREA_NAME = 5, /* name of the description file */
   XCP_AREA_EVENT = 6, /* name of the event */
@@ -29,9 +29,9 @@ enum {
 
 /* What may be written. */
 enum {
-  XCP_INPUT_SET_DEMAND = 0, /* the demanded force, in force from the next tick */
-  XCP_INPUT_SET_TARGET = 1, /* the position to go to and hold */
-  XCP_INPUT_COMMAND = 2, /* one of command, done when it is written; reads as 0 */
+  XCP_INPUT_SET_DEMAND = 0, /* demanded force, valid from the next tick on */
+  XCP_INPUT_SET_TARGET = 1, /* target position */
+  XCP_INPUT_COMMAND = 2, /* one of command, executed when it is written; reads as 0 */
   XCP_INPUT_COUNT = 3
 };
 

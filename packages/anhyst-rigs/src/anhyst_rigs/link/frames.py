@@ -16,29 +16,29 @@ PLANT_MAGIC = 0x616E6879
 
 
 class Reason(IntEnum):
-    """Why a request was not done (NAK)."""
+    """Reasons for rejecting a request (NAK)."""
 
     NONE = 0
-    VERSION = 1  # another protocol version; detail: the controller's
-    TYPE = 2  # no such request
-    LENGTH = 3  # the payload has the wrong length; detail: the length it had
-    # number overtaken by newer ones; detail: 1 a request of this number was answered then, 0 none
+    VERSION = 1  # different protocol version; detail: the controller's version
+    TYPE = 2  # unknown request
+    LENGTH = 3  # wrong length of the payload; detail: its length
+    # the sequence number is older than the last one; detail: 1 if a request with this number was answered, otherwise 0
     OLD = 4
-    STATE = 5  # not in this state; detail: the state
-    VALUE = 6  # a value out of its range, or no such setting, command or word
-    ORDER = 7  # block data without begin or not at the next offset; detail: the next offset
-    CHECKSUM = 8  # the block that arrived is not the one that was announced
-    BLOCK = 9  # the block is not valid, or of another kind or layout
-    GENERATION = 10  # the block has another generation; detail: its own
-    SESSION = 11  # no session is open: hello comes first
-    CURRENT = 12  # in this state, but current still flows; once it is zero
-    # made for other full scales, gaps, rate or units; detail: the first word that differs
+    STATE = 5  # not allowed in this state; detail: the state
+    VALUE = 6  # value out of range, or unknown setting, command or word
+    ORDER = 7  # block data without block_begin or with a wrong offset; detail: the expected offset
+    CHECKSUM = 8  # the received block does not have the announced checksum
+    BLOCK = 9  # the block is invalid, or has a different kind or layout
+    GENERATION = 10  # the block has a different generation; detail: its generation
+    SESSION = 11  # no session is open: send hello first
+    CURRENT = 12  # current still flows; repeat the request at zero current
+    # the block has different full scales, gaps, rate or units; detail: the first word that differs
     SCALE = 13
-    NOT_KEPT = 14  # the board has no room that outlives the power, or it did not keep
+    NOT_KEPT = 14  # the board has no non-volatile memory, or writing failed
 
 
 class Body(IntEnum):
-    """What a controller controls."""
+    """The controlled quantity."""
 
     FORCE = 0  # the force of a magnet
     POSITION = 1  # the position of a levitating armature
@@ -47,23 +47,24 @@ class Body(IntEnum):
 class Setting(IntEnum):
     """Settings."""
 
-    # ticks without a new request until the link counts as lost; the board has a ceiling of its own
+    # maximum number of ticks between two requests; afterwards the link counts as lost; the board has its own upper limit
     HEARTBEAT_TICKS = 0
-    DEMAND_SLEW = 1  # largest change of the demand in a tick, q31
+    DEMAND_SLEW = 1  # largest change of the demand per tick, q31
     COMPENSATION = 2  # 1: the compensator; 0: a constant force-current ratio
-    RATIO = 3  # the constant ratio, q30: current for each unit of demand
-    FOLLOW = 4  # what the memory follows. 0: the current driven; 1: the current measured
-    # 0: the gains built in; 1: these times gain_p to gain_dd as they stand when this is written
+    RATIO = 3  # constant ratio of current to demand, q30
+    FOLLOW = 4  # current that updates the hysteresis state. 0: commanded; 1: measured
+    # 0: built-in gains; 1: built-in gains times gain_p to gain_dd, read when this setting is written
     GAINS = 5
-    GAIN_P = 6  # share of the proportional gain built in, q30
-    GAIN_I = 7  # share of the integral gain, q30
-    GAIN_D = 8  # share of the gain of the first derivative, q30
-    GAIN_DD = 9  # share of the gain of the second derivative, q30
-    CURRENT_TOLERANCE = 10  # largest deviation of the measured from the driven current, q31
+    GAIN_P = 6  # factor of the built-in proportional gain, q30
+    GAIN_I = 7  # factor of the built-in integral gain, q30
+    GAIN_D = 8  # factor of the built-in gain of the first derivative, q30
+    GAIN_DD = 9  # factor of the built-in gain of the second derivative, q30
+    CURRENT_TOLERANCE = 10  # largest difference between measured and commanded current, q31
     CURRENT_LAG_TICKS = 11  # longest time constant of amplifier and current sensor, ticks
-    # ticks in which the amplifier can change the current by the full scale
+    # time in which the amplifier can change the current by the full scale, ticks
     CURRENT_SWEEP_TICKS = 12
-    CURRENT_OFF_TICKS = 13  # samples in a row beyond current_tolerance until it is a fault
+    # number of consecutive samples beyond current_tolerance that cause a fault
+    CURRENT_OFF_TICKS = 13
 
 
 class SettingRange(NamedTuple):
@@ -161,25 +162,25 @@ def _check(body: bytes) -> int:
 
 @dataclass(frozen=True)
 class HelloRequest(Message, code=0x01, answer=0x81, form="<HI"):
-    """Opens a session: the sequence starts again with this frame.
+    """Opens a session: the sequence numbers start again with this frame.
 
-    Where this very session is open already it is answered and changes nothing.
+    If this session is already open, the frame is answered and has no effect.
     """
 
     version: int  # protocol version of the PC
-    session: int  # number of the session, drawn at random by the PC
+    session: int  # random number of the session, chosen by the PC
 
 
 @dataclass(frozen=True)
 class HeartbeatRequest(Message, code=0x02, answer=0x82, form="<"):
-    """Asks for the status."""
+    """Requests the status."""
 
 
 @dataclass(frozen=True)
 class DemandRequest(Message, code=0x03, answer=0x82, form="<i"):
-    """The demanded force, in force from the next tick.
+    """The demanded force, valid from the next tick on.
 
-    Without effect outside run and on a position.
+    No effect outside the state run and on a position controller.
     """
 
     force: int  # q31 of the full-scale force
@@ -189,7 +190,7 @@ class DemandRequest(Message, code=0x03, answer=0x82, form="<i"):
 class CommandRequest(Message, code=0x04, answer=0x83, form="<H"):
     """Changes the state.
 
-    Detail of the answer: the state entered.
+    Detail of the answer: the new state.
     """
 
     command: int  # one of command
@@ -197,14 +198,14 @@ class CommandRequest(Message, code=0x04, answer=0x83, form="<H"):
 
 @dataclass(frozen=True)
 class SettingReadRequest(Message, code=0x05, answer=0x85, form="<H"):
-    """Asks for a setting."""
+    """Requests a setting."""
 
     setting: int  # one of setting
 
 
 @dataclass(frozen=True)
 class SettingWriteRequest(Message, code=0x06, answer=0x85, form="<Hi"):
-    """Sets a setting, in force from the next tick."""
+    """Changes a setting, valid from the next tick on."""
 
     setting: int  # one of setting
     value: int
@@ -212,10 +213,10 @@ class SettingWriteRequest(Message, code=0x06, answer=0x85, form="<Hi"):
 
 @dataclass(frozen=True)
 class BlockBeginRequest(Message, code=0x07, answer=0x83, form="<HHI"):
-    """Announces a parameter block; what had arrived of another is forgotten."""
+    """Announces a parameter block and discards words of an incomplete one."""
 
     words: int  # length of the block
-    generation: int  # of the block
+    generation: int  # generation of the block
     checksum: int  # CRC-32 of all its words, low byte first
 
 
@@ -226,52 +227,53 @@ class BlockDataRequest(Message, code=0x08, answer=0x83, form="<H", tail="h"):
     Detail of the answer: the next offset.
     """
 
-    offset: int  # of the first of these words in the block
+    offset: int  # offset of the first word in the block
     words: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class BlockSwapRequest(Message, code=0x09, answer=0x83, form="<H"):
-    """Checks the block and puts it in force between two ticks.
+    """Checks the block and activates it between two ticks.
 
-    On any error the old one stays. Detail of the answer: the generation in force.
+    After an error, the old block remains active. Detail of the answer: the generation of the active
+    block.
     """
 
-    generation: int  # of the block
+    generation: int  # generation of the block
 
 
 @dataclass(frozen=True)
 class BlockReadRequest(Message, code=0x0A, answer=0x86, form="<HH"):
-    """Asks for words of the block in force."""
+    """Requests words of the active block."""
 
-    offset: int  # first word wanted
+    offset: int  # first requested word
     words: int  # number of words, 1..118
 
 
 @dataclass(frozen=True)
 class TargetRequest(Message, code=0x0E, answer=0x82, form="<i"):
-    """The position to go to and hold, from the next tick on; before lifting, the first one.
+    """The target position, valid from the next tick on; before a lift, the first target.
 
-    Refused beyond the positions that can be, and by a controller of force.
+    A position outside the range is rejected, and a force controller rejects every target.
     """
 
-    position: int  # q31 of the controller's full scale
+    position: int  # q31 of the position controller's full scale
 
 
 @dataclass(frozen=True)
 class KeepRequest(Message, code=0x0F, answer=0x83, form="<"):
-    """Keeps the block in force for the next start, where the board has room for one.
+    """Stores the active block for the next start, if the board has non-volatile memory.
 
-    In idle or ready at zero current alone: the board's time may stand still meanwhile, for seconds.
-    Detail: its generation.
+    Allowed only in idle or ready at zero current, because the board may stop its ticks for seconds.
+    Detail: the generation of the block.
     """
 
 
 @dataclass(frozen=True)
 class XcpRequest(Message, code=0x10, answer=0x89, form="<", tail="B"):
-    """A command of XCP, or nothing where only samples are wanted.
+    """An XCP command; an empty frame requests only samples.
 
-    Is no sign of life by itself: the command is, of a master that has shown the key.
+    Only the command of an unlocked master counts as a heartbeat, not the frame.
     """
 
     command: tuple[int, ...]
@@ -279,48 +281,48 @@ class XcpRequest(Message, code=0x10, answer=0x89, form="<", tail="B"):
 
 @dataclass(frozen=True)
 class InfoAnswer(Message, code=0x81, form="<HHHHHHHIIHH"):
-    """Who the controller is."""
+    """Identification of the controller."""
 
     version: int  # protocol version
     firmware: int  # version of the firmware: 256*major + minor
     kind: int  # kind of compensator (ANHYST_KIND_...)
     layout: int  # layout of the parameter blocks
-    generation: int  # of the block in force
-    capacity: int  # most words of a parameter block
-    ramp: int  # ms from full current to zero in the safe state
-    model: int  # first 32 bits of the hash of the model of the block
-    rate: int  # ticks a second
-    body: int  # what it controls, one of body
-    magnets: int  # 1, or 2 that pull against each other
+    generation: int  # generation of the active block
+    capacity: int  # maximum number of words of a parameter block
+    ramp: int  # time from full current to zero in the safe state, ms
+    model: int  # first 32 bits of the model's hash
+    rate: int  # ticks per second
+    body: int  # controlled quantity, one of body
+    magnets: int  # number of magnets: 1, or an opposing pair
 
 
 @dataclass(frozen=True)
 class StatusAnswer(Message, code=0x82, form="<BBHiiiiiHHHHHiiiiI"):
-    """What the controller did in the tick that its head names."""
+    """State and signals of the tick in the header."""
 
     state: int  # one of state
-    fault: int  # one of fault: the latched reason
+    fault: int  # latched reason, one of fault
     flags: int  # bits of flag
-    demand: int  # demand in force, q31
-    force: int  # measured, q30
-    gap: int  # measured, q30
-    current: int  # measured, q30
-    drive: int  # current driven, q31
-    generation: int  # of the block in force
-    bad_frames: int  # frames thrown away, modulo 65536
-    lost_frames: int  # sequence numbers left out, modulo 65536
-    missed_ticks: int  # since power on, modulo 65536
+    demand: int  # active demand, q31
+    force: int  # measured force, q30
+    gap: int  # measured gap, q30
+    current: int  # measured current, q30
+    drive: int  # commanded current, q31
+    generation: int  # generation of the active block
+    bad_frames: int  # damaged frames, modulo 65536
+    lost_frames: int  # missing sequence numbers, modulo 65536
+    missed_ticks: int  # missed ticks since power-on, modulo 65536
     phase: int  # one of phase
-    position: int  # the last plausible one, q31
-    reference: int  # position controlled to, q31
-    current_2: int  # of the second magnet, likewise
-    drive_2: int  # in the second magnet, likewise
-    cycles: int  # of the processor, in the longest tick so far; 0: not counted
+    position: int  # last plausible position, q31
+    reference: int  # reference position, q31
+    current_2: int  # measured current of the second magnet, q30
+    drive_2: int  # commanded current of the second magnet, q31
+    cycles: int  # processor cycles of the longest tick; 0: not counted
 
 
 @dataclass(frozen=True)
 class AckAnswer(Message, code=0x83, form="<HH"):
-    """Done."""
+    """The request was executed."""
 
     request: int  # type of the request
     detail: int  # see the request
@@ -328,7 +330,7 @@ class AckAnswer(Message, code=0x83, form="<HH"):
 
 @dataclass(frozen=True)
 class NakAnswer(Message, code=0x84, form="<HHH"):
-    """Not done, and nothing changed."""
+    """The request was rejected and had no effect."""
 
     request: int  # type of the request
     reason: int  # one of reason
@@ -345,48 +347,45 @@ class SettingAnswer(Message, code=0x85, form="<Hi"):
 
 @dataclass(frozen=True)
 class BlockWordsAnswer(Message, code=0x86, form="<H", tail="h"):
-    """Words of the block in force."""
+    """Words of the active block."""
 
-    offset: int  # of the first of these words
+    offset: int  # offset of the first word
     words: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class XcpPacketsAnswer(Message, code=0x89, form="<", tail="B"):
-    """What the command is answered with, then events and samples: each packet behind its length."""
+    """The answer to the command, then events and samples; each packet follows its length."""
 
     packets: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class PlantSample(PlantRecord, form="<IiiiiiI"):
-    """Plant to controller: what the sensors show at the beginning of a tick."""
+    """Plant to controller: the sensor readings at the beginning of a tick."""
 
     tick: int  # counts from 1
     gap: int  # q30: 0 is the low end of the model's gaps, 1.0 the high one
     force: int  # q30 of the full-scale force
-    position: int  # q31 of the controller's full scale
-    current: int  # q30 of the full-scale current, of the first magnet
-    current_2: int  # of the second
+    position: int  # q31 of the position controller's full scale
+    current: int  # current of the first magnet, q30 of full scale
+    current_2: int  # current of the second magnet, q30 of full scale
     status: int  # bits of PORT_... in port/port.h
 
 
 @dataclass(frozen=True)
 class PlantDrive(PlantRecord, form="<IiiIIiiii"):
-    """Controller to plant: what is to flow from the beginning of the next tick on.
+    """Controller to plant: the currents from the beginning of the next tick on, and signals of the controller for recordings."""
 
-    Then signals that a plant does not know by itself.
-    """
-
-    tick: int  # of the sample from which this was computed
-    drive: int  # q31 of the full-scale current, of the first magnet
-    drive_2: int  # of the second
+    tick: int  # tick of the sample from which the record was computed
+    drive: int  # commanded current of the first magnet, q31 of full scale
+    drive_2: int  # commanded current of the second magnet, q31 of full scale
     state: int  # state + 256*fault
     mode: int  # flags + 65536*phase
-    demand: int  # demand in force, q31 of the full-scale force
-    reference: int  # position controlled to, q31 of the controller's full scale
-    flux: int  # flux of the model of the first magnet after the commit, q30
-    expected: int  # force that this model expects, q31
+    demand: int  # active demand, q31 of the full-scale force
+    reference: int  # reference position, q31 of the controller's full scale
+    flux: int  # flux of the first magnet's model after the commit, q30
+    expected: int  # force of this model, q31
 
 
 ANSWERS: dict[int, type[Message]] = {
