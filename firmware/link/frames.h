@@ -86,8 +86,7 @@ enum {
 
 /* Settings. */
 enum {
-  /* maximum number of ticks between two requests; afterwards the link counts as lost; the board has
-     its own upper limit */
+  /* ticks without a new request after which the link counts as lost; limited by the board */
   LINK_SETTING_HEARTBEAT_TICKS = 0,
   LINK_SETTING_DEMAND_SLEW = 1, /* largest change of the demand per tick, q31 */
   LINK_SETTING_COMPENSATION = 2, /* 1: the compensator; 0: a constant force-current ratio */
@@ -363,8 +362,7 @@ static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
 }
 
 #define LINK_SIZE_PLANT_DRIVE 40
-/* Controller to plant: the currents from the beginning of the next tick on, and signals of the
-   controller for recordings. */
+/* Controller to plant: the currents for the next tick, and signals for recordings. */
 typedef struct {
   uint32_t tick; /* tick of the sample from which the record was computed */
   /* commanded current of the first magnet, q31 of full scale; commanded current of the second

@@ -177,7 +177,11 @@ def frames_header(frames: Entry, signals: Entry) -> str:
     ]
     types = {"doc": "Types of frames.", "values": frames["frame"]}
     parts.append(enum("LINK_TYPE", types, [frame["type"] for frame in frames["frame"]]))
-    read = {"name": "signal", "doc": "Signals that can be read at every tick.", "values": signals["signal"]}
+    read = {
+        "name": "signal",
+        "doc": "Signals that can be read at every tick.",
+        "values": signals["signal"],
+    }
     parts += [
         enum(f"LINK_{entry['name'].upper()}", entry, numbers(entry))
         for entry in [*link_enums(frames, signals), read]

@@ -22,7 +22,9 @@ def map_header(xcp: Entry, signals: Entry) -> str:
     ]
     lines = [f"#define XCP_{name} {value} /* {doc} */" for name, doc, value in sizes]
     lines.append("#ifndef XCP_SECRET")
-    lines.append(f"#define XCP_SECRET UINT32_C(0x{xcp['secret']:08X}) /* initial value of the key for a seed */")
+    lines.append(
+        f"#define XCP_SECRET UINT32_C(0x{xcp['secret']:08X}) /* initial value of the key for a seed */"
+    )
     lines.append("#endif")
     areas = {"doc": "Areas: the upper half of an address.", "values": xcp["area"]}
     inputs = {"doc": "Inputs that can be written.", "values": signals["input"]}

@@ -19,8 +19,7 @@ enum {
   ANHYST_BUS_SAMPLE_WORDS
 };
 
-/* Controller to plant: the currents from the beginning of the next tick on, and signals of the
-   controller for recordings. */
+/* Controller to plant: the currents for the next tick, and signals for recordings. */
 enum {
   ANHYST_BUS_DRIVE_TICK, /* tick of the sample from which the record was computed */
   ANHYST_BUS_DRIVE_DRIVE, /* commanded current of the first magnet, q31 of full scale */

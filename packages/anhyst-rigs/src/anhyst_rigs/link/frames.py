@@ -47,7 +47,7 @@ class Body(IntEnum):
 class Setting(IntEnum):
     """Settings."""
 
-    # maximum number of ticks between two requests; afterwards the link counts as lost; the board has its own upper limit
+    # ticks without a new request after which the link counts as lost; limited by the board
     HEARTBEAT_TICKS = 0
     DEMAND_SLEW = 1  # largest change of the demand per tick, q31
     COMPENSATION = 2  # 1: the compensator; 0: a constant force-current ratio
@@ -375,7 +375,7 @@ class PlantSample(PlantRecord, form="<IiiiiiI"):
 
 @dataclass(frozen=True)
 class PlantDrive(PlantRecord, form="<IiiIIiiii"):
-    """Controller to plant: the currents from the beginning of the next tick on, and signals of the controller for recordings."""
+    """Controller to plant: the currents for the next tick, and signals for recordings."""
 
     tick: int  # tick of the sample from which the record was computed
     drive: int  # commanded current of the first magnet, q31 of full scale
