@@ -43,9 +43,10 @@ def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> Ident
 
 
 _ACCOMMODATING_LAW: LawName = "effective-field"
-_NOISE_MEAN_SQUARE, _OPEN_LOOP_MEAN_SQUARE = 1.0, 2.0
-"""Mean square of what play cells leave of the closings of small loops, in squares of its error: of
-noise, and from where on nobody takes it for noise."""
+_NOISE_MEAN_SQUARE = 1.0
+"""Expected mean square of misclosures that are only noise, in units of their variance."""
+_MAX_NOISE_MEAN_SQUARE = 2.0
+"""Largest mean square that may still be noise."""
 _MIN_STANDARD_ERRORS = 2.0
 """Standard errors by which a law that forgets must be nearer to them."""
 
@@ -70,7 +71,7 @@ def identify_magnet_with_ripple(
     nearer = len(left) * (own - its) / max(its, 1.0) > _MIN_STANDARD_ERRORS**2
     if nearer and other.model.acceptance().passed is not False and is_usable(other):
         text = f"law {_ACCOMMODATING_LAW} is taken, which forgets them too; with a probe, 'fused' leaves less"
-    elif nearer or own > _OPEN_LOOP_MEAN_SQUARE:
+    elif nearer or own > _MAX_NOISE_MEAN_SQUARE:
         other = known
         text = "no law follows that, 'single-valued' may be better than 'full', and a probe is"
     else:

@@ -58,8 +58,10 @@ MAX_FORCE_FLUX_DENSITY_T = 1.2
 RELATIVE_DEVIATION_SIGMA = 0.003 * 0.1
 """Deviation of all samples, over the largest force, that counts like one expectation missed."""
 
-COARSE_SAMPLES, FINE_SAMPLES = 600, 2400
-"""Samples on which starts are tried, and on which the fit runs."""
+COARSE_SAMPLES = 600
+"""Number of samples for comparing initial guesses."""
+FINE_SAMPLES = 2400
+"""Number of samples of the fit."""
 
 PINNING_STARTS = (-1.0, 0.5, 1.5)
 """Of the pinning, in spreads of its expectation."""
@@ -67,13 +69,12 @@ PINNING_STARTS = (-1.0, 0.5, 1.5)
 FAST_LOOP_SAMPLES = 100
 """Samples of a fast loop, on which solid iron is fitted."""
 
-STEEL_CONDUCTIVITY_S_PER_M, LOG_CONDUCTIVITY_STARTS, _LOG_CONDUCTIVITY_SIGMA = (
-    5e6,
-    (-4.0, -2.0, 0.0, 2.0),
-    3.0,
-)
-"""Conductivity of plain steel, S/m; logarithms of parts of it that are tried; how widely the
-logarithm, and that of the odds of the path, are expected about zero."""
+STEEL_CONDUCTIVITY_S_PER_M = 5e6
+"""Conductivity of plain steel."""
+LOG_CONDUCTIVITY_STARTS = (-4.0, -2.0, 0.0, 2.0)
+"""Initial values of the logarithm of the conductivity, relative to plain steel."""
+_LOG_CONDUCTIVITY_SIGMA = 3.0
+"""Prior standard deviation of this logarithm, and of the log odds of the path; both means are 0."""
 
 MAX_EVALUATIONS = 60
 """Steps of a fit at most."""

@@ -18,9 +18,12 @@ from anhyst_rigs.rig.body import BodyRig
 from anhyst_rigs.rig.plant import current_controllers, make_plant
 from anhyst_rigs.rig.recording import Recording, column_name
 
-DROP_SAMPLE_BIT, SHORT_CIRCUIT_BIT, FIRST_FAILURE_BIT = 256, 512, 16
-"""Of a command: bits of a dropped sample and of a short circuit, first bit of what fails;
-``plant/include/anhyst_plant/loop.h``."""
+DROP_SAMPLE_BIT = 256
+"""Command bit of a dropped sample; see ``plant/include/anhyst_plant/loop.h`` for all bits."""
+SHORT_CIRCUIT_BIT = 512
+"""Command bit of a short circuit."""
+FIRST_FAILURE_BIT = 16
+"""Position of the command bit of the first magnet or head; a set bit makes it fail."""
 HEAD_FAULT_BITS = {"missing": 1024, "frozen": 2048, "jumps": 4096}
 """Bits of the ways in which heads fail instead of amplifiers."""
 

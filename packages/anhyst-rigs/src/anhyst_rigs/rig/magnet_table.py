@@ -36,8 +36,9 @@ def _check_unit_vector(value: list[float]) -> list[float]:
 
 Direction = Annotated[Place, AfterValidator(_check_unit_vector)]
 """Unit vector along x, y, z."""
-CLOSES_GAP, OPENS_GAP = [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
-"""Directions on one coordinate: a magnet that pulls towards a smaller x, and one opposite to it."""
+CLOSES_GAP = [-1.0, 0.0, 0.0]
+OPENS_GAP = [1.0, 0.0, 0.0]
+"""Directions of pull along x; the gap of the first magnet increases with x."""
 
 
 class SolidTable(Table):

@@ -67,8 +67,9 @@ class MeasurementTable(Table):
     records: Annotated[list[RecordTable], Field(min_length=1)]
 
 
-MIN_CYCLE_S, MAX_CYCLE_S = 1e-5, 600.0
-"""Of a full cycle at a further speed."""
+MIN_CYCLE_S = 1e-5
+MAX_CYCLE_S = 600.0
+"""Limits of the duration of a full cycle at a fast rate."""
 
 
 class CampaignTable(MeasurementTable):

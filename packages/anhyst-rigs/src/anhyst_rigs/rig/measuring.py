@@ -85,8 +85,9 @@ def measure_stack_displacement(
     return np.asarray(np.round(read / sensor.step_m) * sensor.step_m if sensor.step_m else read)
 
 
-SAMPLES_PER_FAST_CYCLE, FAST_CYCLES = 200, 2
-"""Of a fast cycle, and how many of them are recorded."""
+SAMPLES_PER_FAST_CYCLE = 200
+FAST_CYCLES = 2
+"""Number of recorded cycles at each fast rate."""
 
 
 def measure_at_gap(

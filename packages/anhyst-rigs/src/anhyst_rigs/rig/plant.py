@@ -22,7 +22,9 @@ INTEGRAL_CORNER_RATIO = 0.1
 CROSSOVER_DELAY_PHASE_RAD = 0.4
 """Of a current controller that computes, times its delay, rad."""
 
-ON_FRAME, ON_BODY, ON_GROUND = range(3)
+ON_FRAME = 0
+ON_BODY = 1
+ON_GROUND = 2
 """What a head is fixed to: ``anhyst_plant_base``."""
 
 

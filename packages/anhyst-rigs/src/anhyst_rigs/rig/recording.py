@@ -64,16 +64,17 @@ def state_code(state: State, phase: Phase = Phase.REST) -> int:
     return 16 * state + phase
 
 
-READY_CODE, RUN_CODE, FAULT_CODE = (
-    state_code(state) for state in (State.READY, State.RUN, State.FAULT)
-)
-"""The least that the column says in each of these states; the phase comes on top."""
+READY_CODE = state_code(State.READY)
+RUN_CODE = state_code(State.RUN)
+FAULT_CODE = state_code(State.FAULT)
+"""Smallest value of the column ``state`` in each state; the phase is added."""
 
-BREAKAWAY_CODE, RISE_CODE, HOVER_CODE, DESCEND_CODE, SET_DOWN_CODE = (
-    state_code(State.RUN, phase)
-    for phase in (Phase.BREAKAWAY, Phase.RISE, Phase.HOVER, Phase.DESCEND, Phase.SET_DOWN)
-)
-"""On its rest while the force rises; under control on its way, there, and down; let go."""
+BREAKAWAY_CODE = state_code(State.RUN, Phase.BREAKAWAY)
+RISE_CODE = state_code(State.RUN, Phase.RISE)
+HOVER_CODE = state_code(State.RUN, Phase.HOVER)
+DESCEND_CODE = state_code(State.RUN, Phase.DESCEND)
+SET_DOWN_CODE = state_code(State.RUN, Phase.SET_DOWN)
+"""Values of the column ``state`` in the phases of levitation."""
 
 
 @dataclass(frozen=True)

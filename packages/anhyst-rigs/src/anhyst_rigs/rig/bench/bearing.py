@@ -188,7 +188,8 @@ class BearingBench(LockStepBench):
     signals = (*_PLANT_SIGNALS.values(), *_FIRMWARE_SIGNALS)
     commands = BEARING_COMMANDS
     _bus: BusController
-    state, fault = State.INIT, Fault.NONE  # of the controller after the last tick
+    state = State.INIT  # of the controller after the last tick
+    fault = Fault.NONE  # of the controller after the last tick
     gap = math.nan  # m, at the last tick
     sends_heartbeat = True  # whether its operator says that he is there
 

@@ -30,9 +30,14 @@ _HEARTBEAT_PERIOD_S = 0.02
 """Between two signs of life to a controller, s; it waits for 0.1 s."""
 SEARCH_TIME_S = 600.0
 """How long a controller that was lost is looked for, s."""
-_MAX_CLOCK_RATIO, _MIN_CLOCK_RATIO, _CLOCK_MARGIN_S = 1.01, 0.9, 1.0
-"""A clock that went on has counted as many ticks as passed here, within these shares and so many
-seconds; one that began anew has not."""
+_MAX_CLOCK_RATIO = 1.01
+_MIN_CLOCK_RATIO = 0.9
+_CLOCK_MARGIN_S = 1.0
+"""Margin of the test whether a controller continued to count.
+
+It did if its ticks correspond to the elapsed time times a ratio within both limits, with this margin.
+Otherwise it was restarted.
+"""
 _TICK_MODULUS = 1 << 32
 """Ticks after which a controller's count begins again."""
 
@@ -222,8 +227,10 @@ def _state_text(found: Contact) -> str:
     return f"{state} ({found.fault.name.lower().replace('_', ' ')})"
 
 
-_FIRST_PAUSE_S, _PAUSE_GROWTH, _MAX_PAUSE_S = 0.1, 1.5, 2.0
-"""Pauses between two tries: the first, by how much each is longer, and the longest."""
+_FIRST_PAUSE_S = 0.1
+_PAUSE_GROWTH = 1.5
+_MAX_PAUSE_S = 2.0
+"""Longest pause between two attempts; each pause is longer than the last by the factor above."""
 _JOIN_TIME_S = 1.0
 """How long whoever ends a search waits for a try that is under way, s."""
 

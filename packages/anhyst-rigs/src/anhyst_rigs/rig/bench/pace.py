@@ -25,8 +25,9 @@ from anhyst_rigs.link.client import ControllerLink
 from anhyst_rigs.link.virtual_boards import PlantBus
 from anhyst_rigs.rig.bench.protocol import Bench, Subscription
 
-MIN_SPEED, MAX_SPEED = 0.01, 1.0
-"""Speeds that can be asked for, in units of the clock's."""
+MIN_SPEED = 0.01
+MAX_SPEED = 1.0
+"""Limits of the speed relative to the clock."""
 CHUNK_S = 0.01
 """Of the clock that the ticks of a chunk take."""
 MAX_LATENESS_S = 0.1

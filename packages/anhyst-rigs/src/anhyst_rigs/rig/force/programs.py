@@ -90,7 +90,7 @@ def count_differing_ticks(program: Program, session: FirmwareSession) -> int:
 MIN_DEAD_BAND_SIGMAS = 5.0
 """The dead band is at least so many standard deviations of the noise of the field."""
 
-MAX_FORCE_SHARE = 0.82
+MIN_FULL_SCALE_SHARE = 0.82
 """The start-up sequence pulls with the largest measured force; boards take a quarter above full
 scale for plausible."""
 
@@ -135,7 +135,7 @@ def identify_force_model(
         model = _with_min_dead_band(model, _min_dead_band(model, rig))
     valid = model.valid
     assert valid is not None
-    most = max(rig.settings.force.force_max_N, MAX_FORCE_SHARE * valid.output[1])
+    most = max(rig.settings.force.force_max_N, MIN_FULL_SCALE_SHARE * valid.output[1])
     return replace(model, valid=replace(valid, output=(0.0, min(most, valid.output[1]))))
 
 

@@ -28,7 +28,9 @@ from anhyst.support.toml_file import NotNegative, Positive, Table
 from anhyst.support.units import MU_0
 from anhyst_rigs.rig.parts.iron import AnySteel
 
-_TABLE_CURRENTS, _TABLE_GAPS = 257, 129
+_TABLE_CURRENTS = 257
+_TABLE_GAPS = 129
+"""Number of currents and gaps in the flux table of the core."""
 
 
 @dataclass(frozen=True, slots=True)
