@@ -1,4 +1,4 @@
-"""What is known of a magnet: identified from its loops, corrected by its motion, fitted, checked."""
+"""Identify a magnet from its loops, calibrate it, fit compensators, and check the plant."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from anhyst_rigs.rig.measurement_table import identify_loops, squared_misclosure
 
 @dataclass(frozen=True)
 class IdentifiedMagnet:
-    """What a controller knows of its magnet: measured loops, and the model identified from them."""
+    """A magnet as its controller knows it: measured loops, and the model identified from them."""
 
     loops: Loops  # force over current at several gaps
     model: Model  # identified from them
-    # part by which the loop of a map with one play is wider; that of the model is so already
+    # relative change of the loop width of a single-play map; the model includes it already
     loop_width_change: float = 0.0
 
 
 def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> IdentifiedMagnet:
-    """Identify the model of a bearing's magnet from its loops; the armature may move under it."""
+    """Identify the model of a bearing's magnet, with a gap map for a moving armature."""
     return IdentifiedMagnet(loops, identify_loops(loops, options or IdentifyTable(), "circuit"))
 
 
@@ -48,15 +48,15 @@ _NOISE_MEAN_SQUARE = 1.0
 _MAX_NOISE_MEAN_SQUARE = 2.0
 """Largest mean square that may still be noise."""
 _MIN_STANDARD_ERRORS = 2.0
-"""Standard errors by which a law that forgets must be nearer to them."""
+"""Standard errors by which a law without return-point memory must fit the misclosures better."""
 
 
 def identify_magnet_with_ripple(
     loops: Loops, options: IdentifyTable, is_usable: Callable[[IdentifiedMagnet], bool]
 ) -> IdentifiedMagnet:
-    """Identify a magnet whose current ripples, by the law as which its small loops close.
+    """Identify a magnet whose current ripples; the closing of minor loops selects the law.
 
-    Cells keep every turning point, and lead astray on iron that forgets them with every ripple.
+    Play cells have return-point memory. They fail on iron whose minor loops do not close.
     """
     known = identify_magnet(loops, options)
     model = known.model
@@ -70,13 +70,13 @@ def identify_magnet_with_ripple(
     own, its = left.mean(axis=0).tolist()
     nearer = len(left) * (own - its) / max(its, 1.0) > _MIN_STANDARD_ERRORS**2
     if nearer and other.model.acceptance().passed is not False and is_usable(other):
-        text = f"law {_ACCOMMODATING_LAW} is taken, which forgets them too; with a probe, 'fused' leaves less"
+        text = f"law {_ACCOMMODATING_LAW} is used, as it drifts too; a probe with 'fused' is better"
     elif nearer or own > _MAX_NOISE_MEAN_SQUARE:
         other = known
-        text = "no law follows that, 'single-valued' may be better than 'full', and a probe is"
+        text = "no law follows this; 'single-valued' may be better than 'full', and a probe is"
     else:
         return known
-    text = f"small loops do not close: this iron does not keep its turning points; {text}"
+    text = f"minor loops do not close: this iron has no return-point memory; {text}"
     warnings.warn(text, ReturnPointMemoryWarning, stacklevel=3)
     return other
 
@@ -88,7 +88,7 @@ def fit_compensators(
     variant: MethodName,
     number_format: NumberFormat,
 ) -> list[ForceController]:
-    """Fit one variant to what is known of each magnet, where it works."""
+    """Fit a compensation variant to each magnet at an operating point."""
     probe = calibrate_probe(rig) if variant in FLUX_PROBE_METHODS else None
     fitted = []
     for magnet in magnets:
@@ -108,11 +108,12 @@ def calibrate_magnet(
     width_change: float = 0.0,
     gap_margin: float = 0.0,
 ) -> IdentifiedMagnet:
-    """Return what is known of a magnet in the currents and gaps of its controller.
+    """Return a magnet in terms of the currents and gaps that its controller uses.
 
-    The loops and the model are those that would have been measured there: every format, block and
-    firmware that is made of them is calibrated. Scale and width are parts, the gap zero is in m, as
-    is how far over the gaps that were seen the model is believed.
+    Loops and model are those that would be measured with these signals. Therefore, every
+    compensator and parameter block made from them is calibrated. `scale` and `width_change` are
+    relative. `gap_zero` is in m, as is `gap_margin`, by which the valid range of gaps is extended
+    at both ends.
     """
     more, known = 1.0 + scale, magnet.loops
     loops = [
@@ -138,8 +139,8 @@ def calibrate_magnet(
 def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
     """Measure flux density over force at several gaps, as a user would with a weight.
 
-    The series is taken on the way up from a demagnetised iron; force and flux density belong to one
-    gap flux, so that the direction does not matter.
+    The series follows the initial ascending branch of demagnetised iron. Both force and flux
+    density depend only on the gap flux, so the direction does not matter.
     """
     hall = rig.settings.hall_probe
     if hall is None:
@@ -165,7 +166,7 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
 
 
 def check_plant(rig: BodyRig, magnet: IdentifiedMagnet) -> PlantCheck:
-    """Hold the plant of a rig, and what its controller knows, against the loops, of the slow ones."""
+    """Compare the plant of a rig and the model of its controller with the slow loops."""
     return check_plant_against_loops(
         rig.fitted,
         select_slow_loops(magnet.loops),
@@ -176,7 +177,7 @@ def check_plant(rig: BodyRig, magnet: IdentifiedMagnet) -> PlantCheck:
 
 
 def _is_same_law(law: Model, model: Model) -> bool:
-    """Whether two models are one, or of the same law and the same measurements."""
+    """Whether two models are equal, or have the same law and a common measurement."""
     if law.law != model.law:
         return False
     sources = {source.sha256 for source in law.provenance.sources}

@@ -1,4 +1,4 @@
-"""Loops of a virtual magnet, measured with the rig's own sensors while the armature is held."""
+"""Measure loops of a virtual magnet with the sensors of its rig and a held armature."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from anhyst_rigs.rig.piezo import PiezoRig
 from anhyst_rigs.rig.sensor_table import NoisySensor, Sensors
 
 _STEP_COUNT_ROUNDING = 1e-6
-"""Of a step: so much more than a whole number of them is rounding."""
+"""Excess over a whole number of steps that counts as rounding."""
 
 
 HeldMagnet = Coil
-"""A magnet with the memory of its iron, held at currents and gaps or moved in time."""
+"""A magnet with hysteresis at given currents and gaps, quasi-static or in time."""
 Seed = int | list[int]
-"""Of noise."""
+"""Seed of noise."""
 
 
 class HeldRig(Protocol):
-    """A rig whose armature is held."""
+    """A rig with a held armature."""
 
     def magnet(self) -> HeldMagnet:
-        """Return what pulls, demagnetised."""
+        """Return the demagnetised magnet."""
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
-        """Return what measures; the seed of the rig file is added, a sample is so many seconds."""
+        """Return the sensors for a sampling time, s; the seed of the rig file is added."""
 
 
 def sweep_path(reversals: Sequence[float], step: float) -> FloatArray:
-    """Go straight from turning point to turning point, in steps of at most this size."""
+    """Return a path with linear sweeps between reversals, in steps of at most `step`."""
     parts = [np.array(reversals[:1])]
     for begin, end in pairwise(reversals):
         count = math.ceil(abs(end - begin) / step - _STEP_COUNT_ROUNDING)
@@ -51,9 +51,9 @@ def sweep_path(reversals: Sequence[float], step: float) -> FloatArray:
 
 
 def conditioning_path(campaign: MeasurementTable) -> list[float]:
-    """Return the turning points before every record, A: the largest current, and the least of all.
+    """Return the reversals before every record, A: largest current, then the lowest of all records.
 
-    That is zero where no record goes below.
+    The lowest one is zero if no record goes below zero.
     """
     least = min(0.0, *(turn for record in campaign.records for turn in record.turns))
     high = campaign.current_max_A
@@ -63,7 +63,10 @@ def conditioning_path(campaign: MeasurementTable) -> list[float]:
 def measure_path(
     magnet: HeldMagnet, sensors: Sensors, gap: float, path: FloatArray, seconds: float = math.inf
 ) -> tuple[FloatArray, FloatArray]:
-    """Move along currents, A, at a gap, m: slowly, or in so many seconds each."""
+    """Return the readings of current, A, and force, N, along a path of currents at a gap, m.
+
+    The path is quasi-static, or each step takes the given time, s.
+    """
     force = magnet.run(path, np.full(path.size, gap), seconds)[:, 0]
     return sensors["current"].read(path), sensors["force"].read(force)
 
@@ -71,14 +74,14 @@ def measure_path(
 def measure_stack_displacement(
     rig: PiezoRig, voltage: FloatArray, sample: float, seed: Seed
 ) -> FloatArray:
-    """Return the displacements, m, that the sensor of a piezo stage reads, from long rest at 0 V."""
+    """Return the readings of a piezo stage, m, along voltages, V, after long rest at 0 V."""
     sensor = rig.settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(seed).standard_normal(voltage.size)
     read = rig.make_motion(sample).run(voltage) + noise
     if not np.abs(read).max() < 1.0:
         raise InputError(
-            f"{rig.path}: stack[1]: stretches beyond 1 m where its loops are measured; correct its "
-            "numbers",
+            f"{rig.path}: stack[1]: extends beyond 1 m in the measurement of its loops; correct "
+            "its parameters",
             code="stack-leaves-all-bounds",
             key="stack[1]",
         )
@@ -99,7 +102,8 @@ def measure_at_gap(
 ) -> list[Loop]:
     """Measure all records of a campaign at one of its gaps.
 
-    With speeds, A/s, all of them in time, and full cycles at each of these besides.
+    With `fast_rates`, A/s, all records are measured in time, and full cycles at each rate are
+    added.
     """
     gap, past, high = campaign.gaps_m[index], conditioning_path(campaign), campaign.current_max_A
     pace, sample_s = campaign.sweep_A_per_s, campaign.sample_s
@@ -135,21 +139,21 @@ def measure_at_gap(
 
 
 class HeldBearing:
-    """A bearing whose armature is held; of a pair, the magnet that closes the gap pulls alone."""
+    """A bearing with a held armature; only the magnet that closes the gap is driven."""
 
     def __init__(self, rig: BodyRig) -> None:
         self._rig = rig
 
     def magnet(self) -> Coil:
-        """Return what pulls, demagnetised."""
+        """Return the demagnetised magnet."""
         return Coil(self._rig.magnet)
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
-        """Return what measures; the seed of the rig file is added, a sample is so many seconds."""
+        """Return the sensors for a sampling time, s; the seed of the rig file is added."""
         settings = self._rig.settings
         current, force = settings.current_sensor, settings.force_sensor
         own = [settings.seed, *seed]
-        shunt = current.plant_parameters(sample) | {"share": 1.0}  # slow loops pass it as they are
+        shunt = current.plant_parameters(sample) | {"share": 1.0}  # no low-pass for slow loops
         return {
             "current": NoisySensor(shunt, [*own, 0]),
             "force": NoisySensor(force.plant_parameters(sample), [*own, 1]),
@@ -157,7 +161,7 @@ class HeldBearing:
 
 
 def loop_file_texts(loops: Loops, notes: str) -> dict[str, str]:
-    """Return the text of each file of loops of force and current, by name; notes stand on top."""
+    """Return the texts of the files of measured loops by name, with notes at the top."""
     timed = loops.loops[0].time is not None
     rows = []
     for loop in loops.loops:
@@ -176,10 +180,10 @@ def loop_file_texts(loops: Loops, notes: str) -> dict[str, str]:
 
 
 def measure_loops(rig: BodyRig) -> Loops:
-    """Measure what ``[measurement]`` of the rig file asks for.
+    """Measure the loops of ``[measurement]`` of the rig file.
 
-    Before every record the current goes to its maximum and back, as often as the file says; sensors
-    read one sample at a time, quasi-statically, or in time where fast cycles are asked for too.
+    The conditioning cycles precede every record. The loops are quasi-static, or measured in time if
+    the file has fast cycles.
     """
     held, campaign = HeldBearing(rig), rig.settings.measurement
     places = range(len(campaign.gaps_m))

@@ -1,4 +1,4 @@
-"""Where the small loops of a record close, and how far the output is off after them."""
+"""Find where minor loops of a record close, and measure the misclosure of the output."""
 
 from __future__ import annotations
 
@@ -14,27 +14,28 @@ from anhyst.data.path import find_turning_points
 from anhyst.support.numeric import FloatArray
 
 _WINDOW_SHARE = 0.08
-"""Share of the range, to either side of where a small loop closes, that is looked at."""
+"""Window on either side of a closing point from which the misclosure is estimated, share of the
+range."""
 _RETURN_TOLERANCE = 0.02
-"""Share of the range within which an input comes back to where it was turned."""
+"""Tolerance with which an input returns to its reversal point, share of the range."""
 _MIN_SAMPLES = 4
-"""Smallest number of samples of a branch from which its end is estimated."""
+"""Smallest number of samples of a branch for this estimate."""
 
 
 @dataclass(frozen=True, slots=True)
 class Closing:
-    """Where the input comes back to a turning point, a small loop behind it, and goes on.
+    """A point at which the input returns to an earlier reversal point and closes a minor loop.
 
-    An iron that keeps its turning points then goes on as if the small loop had not been.
+    Iron with return-point memory then continues as if the minor loop had not occurred.
     """
 
-    closing_input: float  # input there
-    before: slice  # samples of the branch that was turned there, or of that which leaves from there
-    after: slice  # of the one that passes there again, or leaves from there again
-    after_side: float  # 1 or -1: to which side of it `after` counts; 0 for both
+    closing_input: float  # input at the closing point
+    before: slice  # samples of the branch that ends or begins at the reversal point
+    after: slice  # samples of the branch that later passes this point, or begins at it again
+    after_side: float  # 1 or -1: side of the point on which `after` is used; 0: both
 
     def output_step(self, loop: Loop, output: FloatArray) -> float:
-        """Return how far an output without noise is off after the small loop."""
+        """Return the misclosure of a noise-free output after the minor loop."""
         ends = []
         for rows in (self.before, self.after):
             order = np.argsort(loop.input[rows])
@@ -44,9 +45,10 @@ class Closing:
         return ends[1] - ends[0]
 
     def measure_step(self, loop: Loop, model_output: FloatArray) -> tuple[float, float] | None:
-        """Return that of the measured output and its standard error; None of too few samples.
+        """Return the measured misclosure and its standard error; None for too few samples.
 
-        Seen in what a model that follows the loop leaves of it, which is straight nearby.
+        The misclosure is estimated from the residuals of a model that follows the loop. They are
+        assumed to be linear within the window.
         """
         window, distances, left = _WINDOW_SHARE * float(np.ptp(loop.input)), [], []
         for rows, side in ((self.before, 0.0), (self.after, self.after_side)):
@@ -67,7 +69,7 @@ class Closing:
 
 
 def find_closings(loop: Loop) -> Iterator[Closing]:
-    """Yield where the small loops of a record close."""
+    """Yield all points at which minor loops of a record close."""
     drive, span = loop.input, float(np.ptp(loop.input))
     turns = find_turning_points(drive, _RETURN_TOLERANCE / 2.0 * span)
     ways = [slice(begin, end + 1) for begin, end in itertools.pairwise(turns.tolist())]
@@ -80,7 +82,7 @@ def find_closings(loop: Loop) -> Iterator[Closing]:
             ahead = up * (end - at) / span
             if ahead < -_RETURN_TOLERANCE:
                 break
-            passed = int(ahead > _RETURN_TOLERANCE)  # else it turns where it was turned before
+            passed = int(ahead > _RETURN_TOLERANCE)  # otherwise it reverses again at the same point
             if number - passed < len(ways):
                 yield Closing(at, ways[first - passed], ways[number - passed], passed * up)
             del open_[-2:]

@@ -1,4 +1,4 @@
-"""What the live page shows of the body of a stage: where things are, and what is read when it lies."""
+"""Provide the data for the live picture of a stage's body, and its readings at rest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from anhyst_rigs.rig.stage.geometry import head_lines, magnet_rows, scan_directi
 
 
 def body_layout(file: RigFile) -> dict[str, Any]:
-    """Return where magnets and heads are; `see` takes by how much gaps are smaller to a pose."""
+    """Return magnets and heads; the matrix `see` converts gap reductions to a pose."""
     return {
         "free": list(file.body.free),
         "along": list(file.scan.direction),
@@ -34,7 +34,11 @@ def body_layout(file: RigFile) -> dict[str, Any]:
 
 
 def resting_values(file: RigFile, place: float) -> dict[str, float]:
-    """Return what a bench reads where weight pulls the body down, or at the low end of its way."""
+    """Return the readings of a body that lies at rest on an end stop.
+
+    It lies at the lower end in z if its weight acts there, and otherwise at the lower end of the
+    set-point's direction.
+    """
     free = file.body.free
     along, down = scan_direction(file), np.array([float(axis == "z") for axis in free])
     falls = file.body.weight_N > 0.0 and down.any()
@@ -52,7 +56,7 @@ def resting_values(file: RigFile, place: float) -> dict[str, float]:
 
 
 def magnet_pulls(file: RigFile, run: Recording) -> dict[str, FloatArray]:
-    """Return what each magnet pulls with in a loop's own record."""
+    """Return the pull of each magnet, N, from the signals of a simulated loop."""
     forces, poles = {}, file.magnet.poles
     for number, magnet in enumerate(file.body_magnets, 1):
         density, gap = (

@@ -1,6 +1,6 @@
-"""A short-stroke stage, from its files: a body between magnets that ride on a long stroke.
+"""Read the rig file of a short-stroke stage: a body between magnets that ride on a long stroke.
 
-It is free in one to six coordinates: displacements and angles from where it works.
+The body has one to six degrees of freedom: displacements and rotations from its operating point.
 """
 
 from __future__ import annotations
@@ -34,18 +34,19 @@ from anhyst_rigs.rig.stage.geometry import (
 
 
 class StageRig(BodyRig):
-    """A stage as its file describes it."""
+    """A stage as described by its rig file."""
 
     @property
     def parameter_names(self) -> tuple[ParameterName, ...]:
-        """All that its motion may teach."""
+        """Names of all parameters that can be estimated from its motion."""
         return stage_parameter_names(len(self.settings.body_magnets))
 
     @cached_property
     def lines_of_action(self) -> LinesOfAction:
-        """Where everything acts on the body: its coordinates count from where it works.
+        """Lines of all forces and sensors; coordinates are 0 at the operating point.
 
-        Each magnet has a gap sensor of its own. Weight is along -z, and a load along the set-point.
+        Each magnet has its own gap sensor. The weight acts along -z, and a load along the
+        set-point.
         """
         file, body = self.settings, self.settings.body
         lines = [
@@ -69,12 +70,12 @@ class StageRig(BodyRig):
 
 
 def read_stage(path: PathLike) -> BodyRig:
-    """Read the rig file of a stage; where its iron comes from the loops, it is fitted to them."""
+    """Read the rig file of a stage; iron "from loops" is fitted to the loops."""
     place = Path(path)
     settings = read_rig_file(place, "tracking")
     faults = [*plant_faults(settings), *_travel_faults(settings)]
     if settings.magnet.kind == "law":
-        text = 'a stage needs a magnet of iron; write kind = "electromagnet"'
+        text = 'a stage needs a magnet with an iron; write kind = "electromagnet"'
         key = settings.key_path(settings.magnet, "kind")
         faults.append(FileFault(key, text, code="not-for-this-kind"))
     faults = faults or list(_line_faults(settings)) or list(_pose_faults(settings))
@@ -105,17 +106,20 @@ def _travel_faults(file: RigFile) -> Iterator[FileFault]:
             )
             yield FileFault(file.key_path(magnet, "gap_m"), text, code="range-too-narrow")
     if not travel > (off := 0.5 * file.frame.stray_m):
-        text = f"the body travels {travel:g} m either way, and the long stroke is off by {off:g} m"
+        text = (
+            f"the body travels {travel:g} m in both directions, but the long stroke has an error "
+        )
+        text += f"of {off:g} m"
         yield FileFault(
             ("frame", "stray_m"), f"{text}; move the stops apart", code="range-too-narrow"
         )
 
 
 def _line_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find lines of magnets and position sensors that the file leaves open.
+    """Find magnets and position sensors whose direction or position is missing.
 
-    A body that is free in x alone has them along x, and where it does not turn their places do not
-    matter.
+    Directions are optional only if the body is free in x only; positions are optional if it does
+    not rotate.
     """
     free = file.body.free
     needed = {"direction": free != ["x"], "position_m": any(axis.startswith("r") for axis in free)}
@@ -127,23 +131,23 @@ def _line_faults(file: RigFile) -> Iterator[FileFault]:
 
 
 def _pose_faults(file: RigFile) -> Iterator[FileFault]:
-    """Find what keeps a body from being seen, held or moved."""
+    """Find reasons why a body cannot be measured, held or moved."""
     free = ", ".join(file.body.free)
     if len({one.stands for one in file.position_sensors}) > 1:
-        text = "some stand on the ground and some do not; let all do the same"
+        text = "some are on the ground and some are not; make all the same"
         yield FileFault(("sensor",), text, code="option-differs")
     for sensor, row in zip(file.position_sensors, head_rows(file), strict=True):
         if not row.any():
-            text = f"reads nothing of a body that is free in {free}; turn it, or remove it"
+            text = f"measures no coordinate of a body that is free in {free}; turn it, or remove it"
             yield FileFault(file.key_path(sensor), text, code="axis-not-seen")
     if file.body.gravity_m_per_s2 and not weight_wrench(file).any():
         text = f"weight is along -z, and does not move a body that is free in {free}; remove it"
         yield FileFault(file.key_path(file.body, "gravity_m_per_s2"), text, code="without-effect")
     if np.linalg.matrix_rank(head_rows(file)) < len(file.body.free):
-        text = f"the position sensors do not tell {free} apart; add one, or move them"
+        text = f"the position sensors cannot separate {free}; add one, or move them"
         yield FileFault(("sensor",), text, code="axis-not-seen")
     if abs(np.linalg.norm(scan_direction(file)) - 1.0) > UNIT_LENGTH_TOLERANCE:
-        text = f"the body is free in {free} and cannot go there; correct it"
+        text = f"the body is free in {free} and cannot move in this direction; correct it"
         yield FileFault(file.key_path(file.scan, "direction"), text, code="wrong-direction")
     try:
         layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
@@ -152,13 +156,14 @@ def _pose_faults(file: RigFile) -> Iterator[FileFault]:
         yield FileFault(("magnet",), text, code="axis-not-held")
         return
     if not layout.share((-weight_wrench(file)).tolist())[1]:
-        text = "no pulls of these magnets hold the body and its weight; turn one, or add one"
+        text = "these magnets cannot hold the body and its weight; turn one, or add one"
         yield FileFault(("magnet",), text, code="load-too-large")
         return
     able = largest_wrench_factor(file, scan_wrench(file))
     for key in ("train_m_per_s2", "test_m_per_s2"):
         needed = file.body.mass_kg * max(getattr(file.scan, key))
-        if needed > 1.01 * able:  # which is found to a part in a thousand
-            text = f"{file.body.mass_kg:g} kg need {needed:.4g} N, and the magnets push with "
-            text += f"{able:.4g} N along the set-point, either way, beside the weight; lower it"
+        if needed > 1.01 * able:  # accuracy of the search: 0.1 %
+            text = f"{file.body.mass_kg:g} kg need {needed:.4g} N, but the magnets can apply "
+            text += f"{able:.4g} N along the set-point in both directions in addition to the weight"
+            text += "; lower it"
             yield FileFault(file.key_path(file.scan, key), text, code="load-too-large")

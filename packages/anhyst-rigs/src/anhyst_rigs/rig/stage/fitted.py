@@ -1,4 +1,4 @@
-"""A stage ready to run: its magnets identified from loops, a method fitted to them and corrected."""
+"""Prepare a stage for a run: identify its magnets, fit a method, and apply a calibration."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from anhyst_rigs.rig.stage.loop import StageSetup, bias_force
 
 
 def identify_stage_magnet(rig: BodyRig, loops: Loops | None = None) -> IdentifiedMagnet:
-    """Identify what is known of the magnets of a stage, from its loops or others of them."""
+    """Identify the magnet of a stage from the loops of its rig file, or from other loops."""
 
     def usable(known: IdentifiedMagnet) -> bool:
         try:
@@ -43,10 +43,7 @@ def make_stage(
     method: MethodName,
     calibrated: CalibratedMethod | None = None,
 ) -> StageSetup:
-    """Fit one variant to what is known and put it behind the controller.
-
-    It is corrected by what was found, here or in the file that the rig names.
-    """
+    """Fit a method, and apply the given calibration or that of the rig file, if any."""
     learnt = calibrated or rig.method_calibration(method)
     if learnt is None:
         return StageSetup(rig, fit_method_compensator(rig, magnet, method))
@@ -61,9 +58,9 @@ def apply_calibration(
     learnt: CalibratedMethod,
     drift: Drift = NO_DRIFT,
 ) -> StageSetup:
-    """Return a stage whose controller is corrected by what was found of its method.
+    """Return a stage whose controller is corrected by a calibration.
 
-    Fitted is it for a width of the loop.
+    `fitted` returns the compensator for a relative change of the loop width.
     """
     each = tuple(fitted(width) for width in learnt.width_changes(len(rig.settings.body_magnets)))
     return StageSetup(
@@ -80,7 +77,7 @@ def apply_calibration(
 def fit_method_compensator(
     rig: BodyRig, magnet: IdentifiedMagnet, method: MethodName, wider: float = 0.0
 ) -> ForceController:
-    """Fit one variant to what is known of a magnet whose loops are wider by a part."""
+    """Fit a method to a magnet whose loop width is changed by a relative amount."""
     table, measured = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]
     try:
         operating = OperatingRange(
