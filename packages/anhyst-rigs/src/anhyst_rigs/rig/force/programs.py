@@ -122,8 +122,8 @@ def identify_force_model(
 ) -> Model:
     """Identify a model from loops, and prepare it for force control.
 
-    - Loops at one gap give a model of this gap only. Loops at several gaps give a model with the gap
-      map ``circuit``, which permits a moving armature.
+    - Loops at one gap give a model of this gap only. Loops at several gaps give a model with the
+      gap map ``circuit``, which permits a moving armature.
     - The dead band is widened to the noise of the position sensor, so that noise does not erase the
       hysteresis state.
     - The valid range ends at the largest force of the rig, or at :data:`MIN_FULL_SCALE_SHARE` times
