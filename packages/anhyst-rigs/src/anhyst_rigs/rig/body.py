@@ -184,12 +184,14 @@ class BodyRig:
     def flux_linkage(self) -> FluxTable:
         """Flux linkage for an identified law: measured, or computed from poles and iron."""
         file, body = self.settings, self.settings.body
-        high = file.amplifier.current_high_A
+        max_current = file.amplifier.current_high_A
         if self.flux_table_path is None:
-            ends = (0.8 * body.stop_low_m, 1.2 * body.stop_high_m)
-            return make_flux_table(file.magnet.poles, file.steel, 1.5 * high, ends)
+            gap_range = (0.8 * body.stop_low_m, 1.2 * body.stop_high_m)
+            return make_flux_table(file.magnet.poles, file.steel, 1.5 * max_current, gap_range)
         table = read_flux_table(self.flux_table_path)
-        check_flux_range(self.flux_table_path, table, body.stop_low_m, body.stop_high_m, high)
+        check_flux_range(
+            self.flux_table_path, table, body.stop_low_m, body.stop_high_m, max_current
+        )
         return table
 
     @cached_property
@@ -204,15 +206,15 @@ class BodyRig:
 
     def make_law_magnet(self, law: Model | None = None) -> Magnet:
         """Return the magnet with its identified law or with another one."""
-        gaps, middle = self.flux_linkage.gap, self.settings.gap_m
+        gaps, operating_gap = self.flux_linkage.gap, self.settings.gap_m
         law = law or self.law
         assert law is not None
-        at = np.linspace(float(gaps[0]), float(gaps[-1]), GAP_MAP_POINTS)
+        gaps_of_map = np.linspace(float(gaps[0]), float(gaps[-1]), GAP_MAP_POINTS)
         names = ("c_H", "rho", "c_out", "out_0", "in_0")
-        rows = np.column_stack([law.interpolate_parameter(name, at) for name in names])
-        eddy = float(law.interpolate_parameter("gamma", np.array([middle]))[0])
+        rows = np.column_stack([law.interpolate_parameter(name, gaps_of_map) for name in names])
+        eddy = float(law.interpolate_parameter("gamma", np.array([operating_gap]))[0])
         return make_law_magnet(
-            self.settings.magnet.poles, law.iron_at(middle), rows, eddy, self.flux_linkage
+            self.settings.magnet.poles, law.iron_at(operating_gap), rows, eddy, self.flux_linkage
         )
 
     def static_map(
@@ -260,8 +262,12 @@ def plant_faults(file: RigFile) -> Iterator[FileFault]:
     if not (shunt.low_A <= amplifier.current_low_A and amplifier.current_high_A <= shunt.high_A):
         text = "its range must contain that of the amplifier; widen low_A or high_A"
         yield FileFault(file.key_path(shunt), text, code="range-too-narrow")
-    lowest = min(turn for record in file.measurement.records for turn in record.turns)
-    if min(lowest, 0.0) * file.measurement.current_max_A < min(amplifier.current_low_A, 0.0):
+    lowest_reversal = min(
+        reversal for record in file.measurement.records for reversal in record.turns
+    )
+    if min(lowest_reversal, 0.0) * file.measurement.current_max_A < min(
+        amplifier.current_low_A, 0.0
+    ):
         text = f"the amplifier begins at {amplifier.current_low_A:g} A; raise the reversal points"
         yield FileFault(("measurement", "records"), text, code="beyond-amplifier")
     if file.measurement.current_max_A > amplifier.current_high_A:
@@ -315,8 +321,8 @@ def _case_faults(file: RigFile) -> Iterator[FileFault]:
         table: Table, key: KeyPath, what: str, lowest: float, highest: float
     ) -> Iterator[FileFault]:
         if not (low < lowest and highest < high):
-            goes = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
-            text = f"{what} is at {goes} m, outside the travel of {low:g} to {high:g} m"
+            range_text = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
+            text = f"{what} is at {range_text} m, outside the travel of {low:g} to {high:g} m"
             text += "; lower it or move the stops"
             yield FileFault(file.key_path(table, *key), text, code="outside-travel")
 
@@ -331,12 +337,12 @@ def _case_faults(file: RigFile) -> Iterator[FileFault]:
             if faults:
                 break
     for trajectory in file.trajectories:
-        away = trajectory.amplitude_m
-        ends = file.gap_m - away, file.gap_m + away
+        amplitude = trajectory.amplitude_m
+        ends = file.gap_m - amplitude, file.gap_m + amplitude
         yield from travel_faults(trajectory, ("amplitude_m",), "the reference", *ends)
-    hold, rate = step.hold_s, file.timing.rate_Hz
-    if round(hold * rate) < MIN_HOLD_TICKS:
-        text = f"holds a step for {hold * rate:.3g} ticks of 1/{rate:g} s"
+    hold_s, rate = step.hold_s, file.timing.rate_Hz
+    if round(hold_s * rate) < MIN_HOLD_TICKS:
+        text = f"holds a step for {hold_s * rate:.3g} ticks of 1/{rate:g} s"
         text += f"; hold it for at least {MIN_HOLD_TICKS}, {MIN_HOLD_TICKS / rate:.4g} s"
         yield FileFault(file.key_path(step, "hold_s"), text, code="too-short")
     yield from frequency_faults(file, file.trajectories)
@@ -346,12 +352,14 @@ def frequency_faults(
     file: RigFile, cases: Iterable[TrajectoryCase | DisplacementCase]
 ) -> Iterator[FileFault]:
     """Find references whose frequency is too high for the sample rate, or too low."""
-    most, least = file.timing.rate_Hz / MIN_TICKS_PER_PERIOD, 1.0 / MAX_PERIOD_S
+    max_frequency, min_frequency = file.timing.rate_Hz / MIN_TICKS_PER_PERIOD, 1.0 / MAX_PERIOD_S
     for case in cases:
         frequency, text = case.frequency_Hz, ""
-        if frequency >= most:
-            text = f"{frequency:g} Hz is not below a tenth of rate_Hz, {most:g} Hz; lower it"
-        elif frequency < least:
+        if frequency >= max_frequency:
+            text = (
+                f"{frequency:g} Hz is not below a tenth of rate_Hz, {max_frequency:g} Hz; lower it"
+            )
+        elif frequency < min_frequency:
             text = f"a period of {1.0 / frequency:.4g} s is longer than {MAX_PERIOD_S:g} s"
             text += "; raise it"
         if text:

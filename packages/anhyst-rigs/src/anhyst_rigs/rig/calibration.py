@@ -40,9 +40,11 @@ BEARING_PARAMETERS: Mapping[int, tuple[ParameterName, ...]] = {
 
 def stage_parameter_names(magnets: int) -> tuple[ParameterName, ...]:
     """Return the parameters of a stage, in the order of the file."""
-    each = ("scale_{}", "gap_zero_{}_m", "width_{}")
-    of_magnets = (kind.format(one) for kind in each for one in range(1, magnets + 1))
-    return (*of_magnets, "payload", *CENTRE_PARAMETERS, "lag_s", "bias_N", "cable_N_per_m")
+    patterns = ("scale_{}", "gap_zero_{}_m", "width_{}")
+    magnet_parameters = (
+        pattern.format(magnet) for pattern in patterns for magnet in range(1, magnets + 1)
+    )
+    return (*magnet_parameters, "payload", *CENTRE_PARAMETERS, "lag_s", "bias_N", "cable_N_per_m")
 
 
 PARAMETER_LIMITS: Mapping[str, float] = {
@@ -76,8 +78,8 @@ class CalibratedParameter(Table):
     def _check_limit(self) -> Self:
         if (kind := parameter_kind(self.name)) not in PARAMETER_LIMITS:
             raise InputError(f"unknown parameter {self.name}; calibrate again", code="unknown-name")
-        if abs(self.value) > (most := PARAMETER_LIMITS[kind]):
-            text = f"{self.name} must be within {most:g} of 0; calibrate again"
+        if abs(self.value) > (limit := PARAMETER_LIMITS[kind]):
+            text = f"{self.name} must be within {limit:g} of 0; calibrate again"
             raise InputError(text, code="beyond-any-calibration")
         return self
 
@@ -103,7 +105,7 @@ class CalibratedMethod(Table):
 
     @model_validator(mode="after")
     def _check_unique_parameters(self) -> Self:
-        _check_unique(one.name for one in self.parameter)
+        _check_unique(parameter.name for parameter in self.parameter)
         return self
 
     @property
@@ -115,16 +117,16 @@ class CalibratedMethod(Table):
     def summary(self) -> str:
         """Residual force and its interpretation."""
         if self.force_N == 0.0:
-            left = "the demanded force was too small"
+            text = "the demanded force was too small"
         else:
-            left = f"{self.residual_N:.2g} of {self.force_N:.3g} N not explained"
+            text = f"{self.residual_N:.2g} of {self.force_N:.3g} N not explained"
             if not self.fits:
-                left += ": more than with a suitable law"
+                text += ": more than with a suitable law"
         if self.refused and self.is_applied:
-            left += f"; {self.refused} other motions were rejected"
+            text += f"; {self.refused} other motions were rejected"
         if self.mass_kg is not None:
-            left += f"; a mass of {self.mass_kg:.4g} kg explains it: correct body.mass_kg"
-        return left if self.is_applied else f"{left}; no correction is applied"
+            text += f"; a mass of {self.mass_kg:.4g} kg explains it: correct body.mass_kg"
+        return text if self.is_applied else f"{text}; no correction is applied"
 
     def value(self, name: ParameterName) -> float:
         """Return the value of a parameter; 0 if it is absent or the law does not fit."""
@@ -133,8 +135,8 @@ class CalibratedMethod(Table):
 
     def width_changes(self, count: int) -> list[float]:
         """Return the relative change of the loop width of each magnet."""
-        both = self.value("width")
-        return [self.value(f"width_{number}") or both for number in range(1, count + 1)]
+        common_change = self.value("width")
+        return [self.value(f"width_{number}") or common_change for number in range(1, count + 1)]
 
 
 class CalibrationFile(Table):
@@ -148,7 +150,7 @@ class CalibrationFile(Table):
 
     @model_validator(mode="after")
     def _check_unique_methods(self) -> Self:
-        _check_unique(one.name for one in self.method)
+        _check_unique(method.name for method in self.method)
         return self
 
     def for_method(self, method: MethodName) -> CalibratedMethod | None:
@@ -175,12 +177,12 @@ def read_calibration(
             code="mass-differs",
             key="mass_kg",
         )
-    known = {*parameter_names}
+    expected = {*parameter_names}
     for method in file.method:
         names = {number.name for number in method.parameter}
         kinds = {parameter_kind(name) for name in names}
-        missing = {name for name in known - names if parameter_kind(name) in kinds}
-        for name in sorted(names - known) or sorted(missing):
+        missing = {name for name in expected - names if parameter_kind(name) in kinds}
+        for name in sorted(names - expected) or sorted(missing):
             raise InputError(
                 f"{path}: {name}: the parameters are not those of {rig}; calibrate again",
                 code="unknown-name",

@@ -66,19 +66,21 @@ class Drift:
         parts = {"magnet": values.pop("magnets"), "head": values.pop("heads")}
         drifted = {name: value for name, value in values.items() if value}
         units = {name: _UNITS.get(name, ("percent", 100.0)) for name in drifted}
-        return {f"{name}_{unit}": by * drifted[name] for name, (unit, by) in units.items()} | {
+        return {
+            f"{name}_{unit}": factor * drifted[name] for name, (unit, factor) in units.items()
+        } | {
             f"{part}_{number}_{key}": value
-            for part, several in parts.items()
-            for number, drift in enumerate(several, 1)
+            for part, drifts in parts.items()
+            for number, drift in enumerate(drifts, 1)
             for key, value in drift.as_dict().items()
         }
 
     def select(self, names: Collection[str]) -> Drift:
         """Return a drift with only the named quantities, also for each magnet."""
         heads = self.heads if "heads" in names else ()
-        own = {name: getattr(self, name) for name in names if name != "heads"}
+        values = {name: getattr(self, name) for name in names if name != "heads"}
         return Drift(
-            **own, magnets=tuple(magnet.select(names) for magnet in self.magnets), heads=heads
+            **values, magnets=tuple(magnet.select(names) for magnet in self.magnets), heads=heads
         )
 
 
@@ -101,17 +103,17 @@ def sample_drift(file: RigFile, rng: np.random.Generator) -> Drift:
 
 
 def _sample_spreads(file: RigFile, spreads: Mapping[str, str], rng: np.random.Generator) -> Drift:
-    drawn = {}
+    changes = {}
     for name, key in spreads.items():
         if name == "conductivity" and file.magnet.solid is None:
             continue
         share = 0.01 if key.endswith("_percent") else 1.0
         while abs(value := float(rng.standard_normal())) > MAX_SAMPLE_SIGMA:
             pass
-        drawn[name] = share * getattr(file.spread, key) * value
-    if "eddy" in drawn:
-        drawn["eddy"] = abs(drawn["eddy"])
-    return Drift(**drawn)
+        changes[name] = share * getattr(file.spread, key) * value
+    if "eddy" in changes:
+        changes["eddy"] = abs(changes["eddy"])
+    return Drift(**changes)
 
 
 def sample_plant(file: RigFile, seed: int, number: int) -> tuple[Drift, int]:
@@ -145,12 +147,12 @@ def _body_changes(file: RigFile, drift: Drift) -> dict[str, Any]:
     the offset.
     """
     sensor, shunt, hall = file.gap_sensor, file.current_sensor, file.hall_probe
-    turned = drift.position_gain * file.gap_m
+    gain_offset = drift.position_gain * file.gap_m
     changes = {
         "magnet.resistance_ohm": file.magnet.poles.resistance * (1.0 + drift.resistance),
         "body.mass_kg": file.body.mass_kg * (1.0 + drift.mass),
         "gap_sensor.gain_error": sensor.gain_error + drift.position_gain,
-        "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
+        "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - gain_offset,
         "current_sensor.gain_error": shunt.gain_error + drift.current_gain,
     }
     if (solid := file.magnet.solid_iron) is not None:
@@ -163,31 +165,45 @@ def _body_changes(file: RigFile, drift: Drift) -> dict[str, Any]:
 
 def drifted_plant(rig: BodyRig, drift: Drift, seed: int) -> Plant:
     """Return a drifted plant at rest."""
-    other = replace(rig, settings=drifted_file(rig.settings, drift))
-    settings = other.settings
+    drifted_rig = replace(rig, settings=drifted_file(rig.settings, drift))
+    settings = drifted_rig.settings
     if rig.law is not None:
-        return make_plant(other, seed, other.make_law_magnet(drifted_law(rig.law, drift)))
+        return make_plant(
+            drifted_rig, seed, drifted_rig.make_law_magnet(drifted_law(rig.law, drift))
+        )
     scales = [drift.first_scale] * len(settings.body_magnets)
     if len(scales) == 2:
         scales[1] = drift.second_scale
-    own = drift.magnets or [Drift(first_scale=scale) for scale in scales]
-    each = [replace(one, eddy=drift.eddy) for one in own]
-    made = {one: _drifted_magnet(settings, one) for one in dict.fromkeys(each)}
-    numbers = plant_parameters(other)
+    magnet_drifts = drift.magnets or [Drift(first_scale=scale) for scale in scales]
+    complete_drifts = [replace(magnet_drift, eddy=drift.eddy) for magnet_drift in magnet_drifts]
+    magnets = {
+        magnet_drift: _drifted_magnet(settings, magnet_drift)
+        for magnet_drift in dict.fromkeys(complete_drifts)
+    }
+    numbers = plant_parameters(drifted_rig)
     numbers.body["centre"] = _shift_position(settings.body.centre_m, drift)
-    for one, actuator, gap in zip(each, numbers.actuators, numbers.heads, strict=False):
+    for magnet_drift, actuator, gap in zip(
+        complete_drifts, numbers.actuators, numbers.heads, strict=False
+    ):
         probe, sensor = actuator["flux_probe"], gap["sensor"]
         if actuator["has_probe"]:
-            actuator["flux_probe"] = {**probe, "gain": probe["gain"] + one.flux_gain}
-        gap["sensor"] = {**sensor, "offset": sensor["offset"] + one.gap_offset}
-    for one, head in zip(drift.heads, numbers.heads[len(each) :], strict=False):
-        head["line"] = {**head["line"], "r": _shift_position(head["line"]["r"], one)}
-    return make_plant(other, seed, *(made[one] for one in each), parameters=numbers)
+            actuator["flux_probe"] = {**probe, "gain": probe["gain"] + magnet_drift.flux_gain}
+        gap["sensor"] = {**sensor, "offset": sensor["offset"] + magnet_drift.gap_offset}
+    for magnet_drift, head in zip(drift.heads, numbers.heads[len(complete_drifts) :], strict=False):
+        head["line"] = {**head["line"], "r": _shift_position(head["line"]["r"], magnet_drift)}
+    return make_plant(
+        drifted_rig,
+        seed,
+        *(magnets[magnet_drift] for magnet_drift in complete_drifts),
+        parameters=numbers,
+    )
 
 
 def _shift_position(place: Sequence[float], drift: Drift) -> list[float]:
-    by = (drift.place_x, drift.place_y, drift.place_z)
-    return [coordinate + off for coordinate, off in zip(place, by, strict=True)]
+    shift = (drift.place_x, drift.place_y, drift.place_z)
+    return [
+        coordinate + displacement for coordinate, displacement in zip(place, shift, strict=True)
+    ]
 
 
 def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
@@ -213,34 +229,38 @@ def drifted_law(model: Model, drift: Drift) -> Model:
         "reversible": 1.0 + drift.reversible,
         "saturation": 1.0 + drift.saturation,
     }
-    changed: dict[str, Parameter] = {}
+    changed_parameters: dict[str, Parameter] = {}
     for role, factor in factors.items():
         for spec in model.operator_law.with_role(role):
             value = model.parameters[spec.name]
-            changed[spec.name] = (
+            changed_parameters[spec.name] = (
                 tuple(min(factor * coefficient, spec.high) for coefficient in value)
                 if isinstance(value, tuple)
                 else min(factor * value, spec.high)
             )
-    return replace(model, parameters={**model.parameters, **changed})
+    return replace(model, parameters={**model.parameters, **changed_parameters})
 
 
 def _drifted_cells(model: Model, drift: Drift) -> Model:
     """Return a drifted law of play cells; cell 0 has no threshold and is the reversible part."""
     cells = cell_weights(model)
     shares = cells.weights.sum(axis=1) / cells.saturation
-    free = min(float(shares[0]) * (1.0 + drift.reversible), 1.0)
-    factors = np.full(shares.size, (1.0 - free) / (1.0 - shares[0]) if shares[0] < 1.0 else 1.0)
-    factors[0] = free / shares[0] if shares[0] > 0.0 else 1.0
-    other = replace(
+    reversible_share = min(float(shares[0]) * (1.0 + drift.reversible), 1.0)
+    factors = np.full(
+        shares.size, (1.0 - reversible_share) / (1.0 - shares[0]) if shares[0] < 1.0 else 1.0
+    )
+    factors[0] = reversible_share / shares[0] if shares[0] > 0.0 else 1.0
+    drifted_weights = replace(
         cells,
         thresholds=(1.0 + drift.pinning) * cells.thresholds,
         weights=(1.0 + drift.saturation) * factors[:, None] * cells.weights,
     )
-    gone = {spec.name for spec in model.operator_law.parameters}
-    gone -= {spec.name for spec in get_law(model.law, other).parameters}
-    kept = {name: value for name, value in model.parameters.items() if name not in gone}
-    return replace(model, cells=other, parameters=kept)
+    removed_names = {spec.name for spec in model.operator_law.parameters}
+    removed_names -= {spec.name for spec in get_law(model.law, drifted_weights).parameters}
+    parameters = {
+        name: value for name, value in model.parameters.items() if name not in removed_names
+    }
+    return replace(model, cells=drifted_weights, parameters=parameters)
 
 
 def change_rig(rig: AnyRig, changes: Mapping[str, Any]) -> AnyRig:

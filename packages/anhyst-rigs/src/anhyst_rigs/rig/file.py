@@ -188,7 +188,7 @@ class RigFile(Table):
 
     def key_path(self, table: Table, *keys: str | int) -> KeyPath:
         """Return the position of a listed table or its key in the file, for messages."""
-        return (*next(place for place, one in self.tables() if one is table), *keys)
+        return (*next(place for place, listed in self.tables() if listed is table), *keys)
 
     def with_changes(self, changes: Mapping[str, Any]) -> RigFile:
         """Return a file with changed values, given by attribute: ``body.mass_kg``, ``gap_m``.
@@ -206,23 +206,25 @@ class RigFile(Table):
         return file
 
     def _with_gap(self, gap: float) -> RigFile:
-        moved, opposite = gap - self.gap_m, self.opposite
+        shift, opposite = gap - self.gap_m, self.opposite
         file = self.with_table_replaced(self.magnet, self.magnet.model_copy(update={"gap_m": gap}))
         if opposite is None:
             return file
-        other = opposite.model_copy(update={"gap_m": opposite.gap_m - moved})
-        return file.with_table_replaced(opposite, other)
+        moved_opposite = opposite.model_copy(update={"gap_m": opposite.gap_m - shift})
+        return file.with_table_replaced(opposite, moved_opposite)
 
     def _with_value(self, path: list[str], value: Any) -> RigFile:
-        first, *inner_path = path
-        field = f"given_{first}" if f"given_{first}" in type(self).model_fields else first
-        table = getattr(self, first)
-        new = _set_nested(table, inner_path, value) if inner_path else value
-        if first == "iron":
-            new = new.model_copy(update={"name": table.name})
+        attribute, *inner_path = path
+        field = (
+            f"given_{attribute}" if f"given_{attribute}" in type(self).model_fields else attribute
+        )
+        table = getattr(self, attribute)
+        changed = _set_nested(table, inner_path, value) if inner_path else value
+        if attribute == "iron":
+            changed = changed.model_copy(update={"name": table.name})
         if field in type(self).model_fields:
-            return self.model_copy(update={field: new})
-        return self.with_table_replaced(table, new)
+            return self.model_copy(update={field: changed})
+        return self.with_table_replaced(table, changed)
 
     def with_table_replaced(self, table: Table, other: Table) -> RigFile:
         """Return a file with a listed table replaced by another one."""
@@ -241,9 +243,13 @@ _LIST_FIELDS = {
 
 
 def _set_nested(table: Any, path: list[str], value: Any) -> Any:
-    first, *rest = path
-    if not isinstance(table, Table) or first not in type(table).model_fields:
-        raise KeyError(first)
+    attribute, *inner_path = path
+    if not isinstance(table, Table) or attribute not in type(table).model_fields:
+        raise KeyError(attribute)
     return table.model_copy(
-        update={first: _set_nested(getattr(table, first), rest, value) if rest else value}
+        update={
+            attribute: _set_nested(getattr(table, attribute), inner_path, value)
+            if inner_path
+            else value
+        }
     )

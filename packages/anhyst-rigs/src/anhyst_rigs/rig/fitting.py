@@ -58,27 +58,30 @@ def identify_magnet_with_ripple(
 
     Play cells have return-point memory. They fail on iron whose minor loops do not close.
     """
-    known = identify_magnet(loops, options)
-    model = known.model
+    cell_magnet = identify_magnet(loops, options)
+    model = cell_magnet.model
     if options.law != "auto" or model.operator_law.cells is None or model.has_eddy_currents:
-        return known
-    alone = squared_misclosures(loops, [model])
-    if alone.size == 0 or alone.mean() <= _NOISE_MEAN_SQUARE:
-        return known
-    other = identify_magnet(loops, options.model_copy(update={"law": _ACCOMMODATING_LAW}))
-    left = squared_misclosures(loops, [model, other.model])
-    own, its = left.mean(axis=0).tolist()
-    nearer = len(left) * (own - its) / max(its, 1.0) > _MIN_STANDARD_ERRORS**2
-    if nearer and other.model.acceptance().passed is not False and is_usable(other):
+        return cell_magnet
+    cell_misclosures = squared_misclosures(loops, [model])
+    if cell_misclosures.size == 0 or cell_misclosures.mean() <= _NOISE_MEAN_SQUARE:
+        return cell_magnet
+    alternative = identify_magnet(loops, options.model_copy(update={"law": _ACCOMMODATING_LAW}))
+    squared_errors = squared_misclosures(loops, [model, alternative.model])
+    cell_error, alternative_error = squared_errors.mean(axis=0).tolist()
+    is_better = (
+        len(squared_errors) * (cell_error - alternative_error) / max(alternative_error, 1.0)
+        > _MIN_STANDARD_ERRORS**2
+    )
+    if is_better and alternative.model.acceptance().passed is not False and is_usable(alternative):
         text = f"law {_ACCOMMODATING_LAW} is used, as it drifts too; a probe with 'fused' is better"
-    elif nearer or own > _MAX_NOISE_MEAN_SQUARE:
-        other = known
+    elif is_better or cell_error > _MAX_NOISE_MEAN_SQUARE:
+        alternative = cell_magnet
         text = "no law follows this; 'single-valued' may be better than 'full', and a probe is"
     else:
-        return known
+        return cell_magnet
     text = f"minor loops do not close: this iron has no return-point memory; {text}"
     warnings.warn(text, ReturnPointMemoryWarning, stacklevel=3)
-    return other
+    return alternative
 
 
 def fit_compensators(
@@ -115,25 +118,29 @@ def calibrate_magnet(
     relative. `gap_zero` is in m, as is `gap_margin`, by which the valid range of gaps is extended
     at both ends.
     """
-    more, known = 1.0 + scale, magnet.loops
+    current_factor, measured = 1.0 + scale, magnet.loops
     loops = [
-        replace(loop, input=loop.input / more, schedule=loop.schedule + gap_zero)
-        for loop in known.loops
+        replace(loop, input=loop.input / current_factor, schedule=loop.schedule + gap_zero)
+        for loop in measured.loops
         if loop.schedule is not None
     ]
     model = drifted_law(magnet.model, Drift(pinning=width_change)) if width_change else magnet.model
     parameters, valid = model.parameters, model.valid
-    moved = {
-        "c_H": map_parameter(parameters["c_H"], lambda value: more * value),
-        "in_0": map_parameter(parameters["in_0"], lambda value: 1.0 / more * value),
+    changed = {
+        "c_H": map_parameter(parameters["c_H"], lambda value: current_factor * value),
+        "in_0": map_parameter(parameters["in_0"], lambda value: 1.0 / current_factor * value),
     }
     if valid is not None and valid.schedule is not None:
-        (low, high), (near, far) = valid.input, valid.schedule
-        ends = near + gap_zero - gap_margin, far + gap_zero + gap_margin
-        valid = replace(valid, input=(low / more, high / more), schedule=ends)
-    nodes = tuple(node + gap_zero for node in model.nodes)
-    model = replace(model, nodes=nodes, parameters={**parameters, **moved}, valid=valid)
-    return IdentifiedMagnet(replace(known, loops=tuple(loops)), model, width_change)
+        (low_current, high_current), (near_gap, far_gap) = valid.input, valid.schedule
+        gap_range = near_gap + gap_zero - gap_margin, far_gap + gap_zero + gap_margin
+        valid = replace(
+            valid,
+            input=(low_current / current_factor, high_current / current_factor),
+            schedule=gap_range,
+        )
+    nodes = tuple(gap + gap_zero for gap in model.nodes)
+    model = replace(model, nodes=nodes, parameters={**parameters, **changed}, valid=valid)
+    return IdentifiedMagnet(replace(measured, loops=tuple(loops)), model, width_change)
 
 
 def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
@@ -145,8 +152,8 @@ def calibrate_probe(rig: BodyRig) -> FluxCalibration | None:
     hall = rig.settings.hall_probe
     if hall is None:
         return None
-    high = rig.settings.measurement.current_max_A
-    current = np.linspace(-rig.settings.magnet.is_bidirectional * high, high, 60)
+    max_current = rig.settings.measurement.current_max_A
+    current = np.linspace(-rig.settings.magnet.is_bidirectional * max_current, max_current, 60)
     gaps = np.asarray(rig.settings.measurement.gaps_m)
     forces, densities = [], []
     for gap in gaps:
@@ -181,6 +188,8 @@ def _is_same_law(law: Model, model: Model) -> bool:
     if law.law != model.law:
         return False
     sources = {source.sha256 for source in law.provenance.sources}
-    common = sources & {source.sha256 for source in model.provenance.sources}
-    alike = dict(law.parameters) == dict(model.parameters) and law.cells == model.cells
-    return alike or bool(common)
+    common_sources = sources & {source.sha256 for source in model.provenance.sources}
+    has_same_parameters = (
+        dict(law.parameters) == dict(model.parameters) and law.cells == model.cells
+    )
+    return has_same_parameters or bool(common_sources)

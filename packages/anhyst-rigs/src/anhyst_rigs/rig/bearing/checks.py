@@ -48,7 +48,7 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
     yield from _amplifier_faults(settings, rig)
     steps = ((gap, height) for gap in plant.step_gaps_m for height in plant.step.heights_m)
     lows = [step_ends(gap, height)[1] for gap, height in steps]
-    lowest = min(lows + [plant.gap_m - one.amplitude_m for one in plant.trajectories])
+    lowest = min(lows + [plant.gap_m - case.amplitude_m for case in plant.trajectories])
     highest = plant.body.stop_high_m
     if not limits.gap_low_m < lowest:
         text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
@@ -65,16 +65,16 @@ def _rig_faults(settings: ControllerTable, rig: BodyRig) -> Iterator[FileFault]:
 
 def _ramp_faults(settings: ControllerTable, rig: BodyRig, lowest: float) -> Iterator[FileFault]:
     """Find ramps whose lift-off or landing would take too long to simulate."""
-    way = rig.settings.body.stop_high_m - lowest
-    for table, what, ramp, seconds in (
+    travel = rig.settings.body.stop_high_m - lowest
+    for table, action, ramp, seconds in (
         ("lift_off", "lifting off", settings.lift_off, lift_time(rig, settings, lowest)),
         ("landing", "landing", settings.landing, land_time(rig, settings)),
     ):
         if seconds > MAX_RAMP_S:
             forces = settings.limits.force_high_N / ramp.force_rate_N_per_s
-            longer = forces > way / ramp.speed_m_per_s
+            longer = forces > travel / ramp.speed_m_per_s
             key = "force_rate_N_per_s" if longer else "speed_m_per_s"
-            text = f"{what} takes {seconds:.4g} s, but at most {MAX_RAMP_S:g} s are simulated"
+            text = f"{action} takes {seconds:.4g} s, but at most {MAX_RAMP_S:g} s are simulated"
             yield FileFault((table, key), f"{text}; raise it", code="too-slow")
 
 

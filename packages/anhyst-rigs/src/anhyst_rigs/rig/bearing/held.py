@@ -46,19 +46,19 @@ def levitation_fault(setup: BearingSetup, run: Recording, steps: Scenario) -> st
     """Return why levitation failed between lift-off and the last step; None if it did not."""
     rig, lifted, run = setup.rig, steps.lift_end_tick, run.slice_ticks(0, steps.ticks)
     gap, time = run["gap_m"], run["t_s"]
-    lost = levitation_loss_time(rig, run, lifted)
+    loss_time = levitation_loss_time(rig, run, lifted)
     not_lifted = _rejection_failure(setup, run) or _lift_failure(setup, run, lifted)
     if not_lifted is not None:
         return not_lifted
-    if lost is None and len(run) < steps.ticks:
-        lost = float(time[-1])
-    if lost is not None:
-        return f"levitation was lost at {lost:.4f} s: the gains do not stabilise this bearing"
+    if loss_time is None and len(run) < steps.ticks:
+        loss_time = float(time[-1])
+    if loss_time is not None:
+        return f"levitation was lost at {loss_time:.4f} s: the gains do not stabilise this bearing"
     body = rig.settings.body
-    swing = float(np.std(gap[lifted - lifted // 8 : lifted]))
-    if swing > _MAX_HOVER_RMS_SHARE * (body.stop_high_m - body.stop_low_m):
+    hover_rms = float(np.std(gap[lifted - lifted // 8 : lifted]))
+    if hover_rms > _MAX_HOVER_RMS_SHARE * (body.stop_high_m - body.stop_low_m):
         return (
-            f"the armature oscillates by {1e6 * swing:.3g} um rms at "
+            f"the armature oscillates by {1e6 * hover_rms:.3g} um rms at "
             f"{lifted * rig.dt:.2f} s: the gains do not stabilise this bearing"
         )
     return None

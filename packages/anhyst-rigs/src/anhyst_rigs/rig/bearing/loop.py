@@ -72,12 +72,17 @@ def make_setup(
 ) -> BearingSetup:
     """Fit a variant with the calibration of the rig, and combine it with a controller."""
     magnets = calibrated_magnets(rig, magnet, variant)
-    each = fit_bearing_compensators(rig, controller, magnets, variant, number_format)
-    chosen = controller.compensation.model_copy(
+    compensators = fit_bearing_compensators(rig, controller, magnets, variant, number_format)
+    compensation = controller.compensation.model_copy(
         update={"variant": variant, "format": number_format}
     )
-    behind = controller.model_copy(update={"compensation": chosen})
-    return BearingSetup(rig, each[0], behind, own_compensators=tuple(each) if len(each) > 1 else ())
+    table = controller.model_copy(update={"compensation": compensation})
+    return BearingSetup(
+        rig,
+        compensators[0],
+        table,
+        own_compensators=tuple(compensators) if len(compensators) > 1 else (),
+    )
 
 
 def fit_bearing_compensators(
@@ -88,8 +93,8 @@ def fit_bearing_compensators(
     number_format: NumberFormat,
 ) -> list[ForceController]:
     """Fit a variant to each magnet."""
-    where = operating_point(rig, controller, *(magnet.loops for magnet in magnets))
-    return fit_compensators(rig, where, magnets, variant, number_format)
+    point = operating_point(rig, controller, *(magnet.loops for magnet in magnets))
+    return fit_compensators(rig, point, magnets, variant, number_format)
 
 
 def calibrated_magnets(
@@ -103,17 +108,21 @@ def calibrated_magnets(
     calibration = rig.method_calibration(variant)
     if calibration is None or not calibration.is_applied:
         return [magnet]
-    widths, zero = (
+    widths, gap_zero = (
         calibration.width_changes(len(rig.settings.body_magnets)),
         calibration.value("gap_zero_m"),
     )
     # the same range of gaps for both magnets of a pair
-    over = 2.0 * abs(zero) if len(widths) > 1 else 0.0
+    gap_margin = 2.0 * abs(gap_zero) if len(widths) > 1 else 0.0
     return [
         calibrate_magnet(
-            magnet, calibration.value(f"scale_{number + 1}"), (zero, -zero)[number], wider, over
+            magnet,
+            calibration.value(f"scale_{number + 1}"),
+            (gap_zero, -gap_zero)[number],
+            width_change,
+            gap_margin,
         )
-        for number, wider in enumerate(widths)
+        for number, width_change in enumerate(widths)
     ]
 
 

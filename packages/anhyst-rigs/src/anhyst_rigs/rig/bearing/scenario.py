@@ -123,24 +123,26 @@ class ScenarioBuilder:
 def lift_time(rig: BodyRig, controller: ControllerTable, gap: float) -> float:
     """Return the longest duration of self-test, force ramp, motion and settling, s."""
     gains, ramp = controller.pidd2_gains(), controller.lift_off
-    settle = _MIN_SETTLE_S
+    settling_time = _MIN_SETTLE_S
     if gains.K_i > 0.0:
-        settle = max(settle, min(_SETTLE_INTEGRAL_TIMES * gains.K_p / gains.K_i, _MAX_SETTLE_S))
+        settling_time = max(
+            settling_time, min(_SETTLE_INTEGRAL_TIMES * gains.K_p / gains.K_i, _MAX_SETTLE_S)
+        )
     # A drive with less force than demanded lifts off later, but at the largest demand at the
     # latest. Beyond it the controller reports that the armature does not lift.
-    force = controller.limits.force_high_N / ramp.force_rate_N_per_s
-    way = max(rig.settings.body.stop_high_m - gap, 0.0) / ramp.speed_m_per_s
-    begin = _selftest_ticks(rig) * rig.dt + max(0.001, rig.dt)
-    return max(begin + force + way + settle, MIN_LIFT_S)
+    force_time = controller.limits.force_high_N / ramp.force_rate_N_per_s
+    travel_time = max(rig.settings.body.stop_high_m - gap, 0.0) / ramp.speed_m_per_s
+    selftest_time = _selftest_ticks(rig) * rig.dt + max(0.001, rig.dt)
+    return max(selftest_time + force_time + travel_time + settling_time, MIN_LIFT_S)
 
 
 def land_time(rig: BodyRig, controller: ControllerTable) -> float:
     """Return the longest duration of a landing, s: motion, force ramp and rest."""
     body, ramp = rig.settings.body, controller.landing
     limits = controller.limits
-    way = (body.stop_high_m - body.stop_low_m) / ramp.speed_m_per_s
-    force = (limits.force_high_N - min(limits.force_low_N, 0.0)) / ramp.force_rate_N_per_s
-    return max(way + force + _REST_S, MIN_LAND_S)
+    travel_time = (body.stop_high_m - body.stop_low_m) / ramp.speed_m_per_s
+    force_time = (limits.force_high_N - min(limits.force_low_N, 0.0)) / ramp.force_rate_N_per_s
+    return max(travel_time + force_time + _REST_S, MIN_LAND_S)
 
 
 def _selftest_ticks(rig: BodyRig) -> int:
@@ -179,19 +181,21 @@ def plan_recorded_run(rig: BodyRig, controller: ControllerTable) -> tuple[Scenar
     return steps, script.build(), landing
 
 
-def _disturbance_force(rig: BodyRig, what: DisturbanceTable, ticks: int, number: int) -> FloatArray:
-    time = np.arange(ticks) * rig.dt - what.start_s
-    after = time >= 0.0
-    if what.kind == "step":
-        return np.where(after, what.force_N, 0.0)
-    assert what.frequency_Hz is not None
-    if what.kind == "sine":
-        wave: FloatArray = what.force_N * sine(what.frequency_Hz * time) * after
+def _disturbance_force(
+    rig: BodyRig, table: DisturbanceTable, ticks: int, number: int
+) -> FloatArray:
+    time = np.arange(ticks) * rig.dt - table.start_s
+    is_active = time >= 0.0
+    if table.kind == "step":
+        return np.where(is_active, table.force_N, 0.0)
+    assert table.frequency_Hz is not None
+    if table.kind == "sine":
+        wave: FloatArray = table.force_N * sine(table.frequency_Hz * time) * is_active
         return wave
     from scipy.signal import lfilter  # imported here because it loads slowly and is rarely used
 
-    share = first_order_share(2.0 * math.pi * what.frequency_Hz * rig.dt)
+    share = first_order_share(2.0 * math.pi * table.frequency_Hz * rig.dt)
     white = np.random.default_rng([rig.settings.seed, 99, number]).standard_normal(ticks)
     coloured = lfilter([share], [1.0, share - 1.0], white)
     # A first-order low-pass passes share/(2 - share) of the power of white noise.
-    return np.asarray(what.force_N * coloured * math.sqrt((2.0 - share) / share) * after)
+    return np.asarray(table.force_N * coloured * math.sqrt((2.0 - share) / share) * is_active)

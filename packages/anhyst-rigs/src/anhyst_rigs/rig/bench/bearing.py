@@ -62,20 +62,37 @@ class LoadDrive:
         self._phase_zero_tick = 0  # tick at which the phase of the disturbance is zero
         # The drive renders both with a lag. Values beyond these fractions of its bandwidth would
         # make it unstable.
-        damping = mass * 2.0 * math.pi * load.velocity_bandwidth_Hz / 4.0
-        stiffness = mass * (2.0 * math.pi * load.bandwidth_Hz / 10.0) ** 2
-        most = rig.settings.timing.rate_Hz / 4.0
-        force = max(abs(load.force_N), mass * 9.81)
-        renders, about = "damping that the load drive renders", "stiffness that it renders about "
-        about += "the operating gap"
-        of_sine = "amplitude of a sine added to its force"
+        max_damping = mass * 2.0 * math.pi * load.velocity_bandwidth_Hz / 4.0
+        max_stiffness = mass * (2.0 * math.pi * load.bandwidth_Hz / 10.0) ** 2
+        max_frequency = rig.settings.timing.rate_Hz / 4.0
+        max_force = max(abs(load.force_N), mass * 9.81)
+        damping_doc, stiffness_doc = (
+            "damping that the load drive renders",
+            "stiffness that it renders about ",
+        )
+        stiffness_doc += "the operating gap"
+        amplitude_doc = "amplitude of a sine added to its force"
         self._knobs = Knobs(
-            Parameter("load_damping", "N s/m", -damping, damping, renders, load.damping_N_s_per_m),
             Parameter(
-                "load_stiffness", "N/m", -stiffness, stiffness, about, load.stiffness_N_per_m
+                "load_damping",
+                "N s/m",
+                -max_damping,
+                max_damping,
+                damping_doc,
+                load.damping_N_s_per_m,
             ),
-            Parameter("disturbance_force", "N", 0.0, force, of_sine, 0.0),
-            Parameter("disturbance_frequency", "Hz", 0.0, most, "frequency of this sine", 10.0),
+            Parameter(
+                "load_stiffness",
+                "N/m",
+                -max_stiffness,
+                max_stiffness,
+                stiffness_doc,
+                load.stiffness_N_per_m,
+            ),
+            Parameter("disturbance_force", "N", 0.0, max_force, amplitude_doc, 0.0),
+            Parameter(
+                "disturbance_frequency", "Hz", 0.0, max_frequency, "frequency of this sine", 10.0
+            ),
         )
         self.parameters = self._knobs.parameters
 
@@ -91,9 +108,11 @@ class LoadDrive:
         amplitude = self._knobs["disturbance_force"]
         if amplitude == 0.0:
             return np.full(ticks, self.force)
-        numbers = np.arange(first - self._phase_zero_tick, first - self._phase_zero_tick + ticks)
-        turns = self._knobs["disturbance_frequency"] * self._dt * numbers
-        wave: FloatArray = self.force + amplitude * sine(turns)
+        ticks_since = np.arange(
+            first - self._phase_zero_tick, first - self._phase_zero_tick + ticks
+        )
+        phase = self._knobs["disturbance_frequency"] * self._dt * ticks_since
+        wave: FloatArray = self.force + amplitude * sine(phase)
         return wave
 
 
@@ -157,13 +176,13 @@ class BusTap:
     def _exchange_tick(self, memory: int | None, sample: int, drive: int) -> None:
         del memory  # the exchange has the memory of the firmware
         ctypes.memset(drive, 0, PlantDrive.FIXED.size)  # no answer yet
-        words = ctypes.string_at(sample, PlantSample.FIXED.size)
-        seen = PlantSample(*PlantSample.FIXED.unpack(words))
+        sample_bytes = ctypes.string_at(sample, PlantSample.FIXED.size)
+        received = PlantSample(*PlantSample.FIXED.unpack(sample_bytes))
         if self.ticks_to_skip:
             self.ticks_to_skip -= 1
-            self._last_answer = replace(self._last_answer, tick=seen.tick)
+            self._last_answer = replace(self._last_answer, tick=received.tick)
         else:
-            shown = seen if self.change_sample is None else self.change_sample(seen)
+            shown = received if self.change_sample is None else self.change_sample(received)
             try:
                 self._last_answer = self.exchange(shown)
             except (OSError, ValueError):
@@ -253,10 +272,10 @@ class BearingBench(LockStepBench):
 
         The recording has the columns of a simulated loop for the plant, and those of the firmware.
         """
-        same = np.diff(scenario.target, prepend=np.nan) == 0.0
-        begins = np.flatnonzero(~same | (scenario.command & 0xFF > 0)).tolist()
+        is_unchanged = np.diff(scenario.target, prepend=np.nan) == 0.0
+        change_ticks = np.flatnonzero(~is_unchanged | (scenario.command & 0xFF > 0)).tolist()
         rows = []
-        for begin, end in pairwise([*begins, scenario.ticks]):
+        for begin, end in pairwise([*change_ticks, scenario.ticks]):
             command = Command(int(scenario.command[begin]) & 0xFF)
             if command is not Command.NONE:
                 self.command(command)
@@ -264,25 +283,27 @@ class BearingBench(LockStepBench):
             rows.append(self._run_with_heartbeat(scenario.slice_ticks(begin, end)))
             if progress is not None:
                 progress(end, scenario.ticks)
-        own = [column_name(signal.name, signal.unit) for signal in _FIRMWARE_SIGNALS]
-        return Recording.from_table(np.concatenate(rows), ["tick", *_PLANT_SIGNALS, *own])
+        firmware_columns = [column_name(signal.name, signal.unit) for signal in _FIRMWARE_SIGNALS]
+        return Recording.from_table(
+            np.concatenate(rows), ["tick", *_PLANT_SIGNALS, *firmware_columns]
+        )
 
     def _run_with_heartbeat(self, scenario: Scenario) -> FloatArray:
         """Run a scenario without its targets and commands, and send the heartbeats that are due."""
         parts, begin = [], 0
         while begin < scenario.ticks:
-            left = scenario.ticks - begin
-            count = self._heartbeat.count_ticks(left) if self.sends_heartbeat else left
+            remaining = scenario.ticks - begin
+            count = self._heartbeat.count_ticks(remaining) if self.sends_heartbeat else remaining
             parts.append(self._run(scenario.slice_ticks(begin, begin + count)))
             begin += count
         return np.concatenate(parts)
 
     def _run(self, scenario: Scenario) -> FloatArray:
-        first = self.tick + 1
+        first_tick = self.tick + 1
         run = self._loop.run(scenario)
         if len(run) < scenario.ticks:
             raise InputError(f"the controller did not answer tick {self.tick}", code="no-answer")
-        numbers = np.arange(first, first + len(run), dtype=np.float64)
+        numbers = np.arange(first_tick, first_tick + len(run), dtype=np.float64)
         rows = np.column_stack((numbers, run.table, self._firmware_columns(self._bus.take())))
         self.gap = float(run["gap_m"][-1])
         self.state, self.fault = (

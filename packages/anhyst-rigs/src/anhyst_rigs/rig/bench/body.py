@@ -21,14 +21,14 @@ def body_layout(file: RigFile) -> dict[str, Any]:
         "stops": [file.body.stop_low_m - file.gap_m, file.body.stop_high_m - file.gap_m],
         "magnets": [
             {
-                "name": one.name,
-                "at": one.position_m,
-                "direction": one.direction,
-                "gap": one.gap_m or file.gap_m,
+                "name": magnet.name,
+                "at": magnet.position_m,
+                "direction": magnet.direction,
+                "gap": magnet.gap_m or file.gap_m,
             }
-            for one in file.body_magnets
+            for magnet in file.body_magnets
         ],
-        "heads": [{"at": at, "direction": direction} for at, direction in head_lines(file)],
+        "heads": [{"at": point, "direction": direction} for point, direction in head_lines(file)],
         "see": np.linalg.pinv(magnet_rows(file)).tolist(),
     }
 
@@ -39,18 +39,20 @@ def resting_values(file: RigFile, place: float) -> dict[str, float]:
     It lies at the lower end in z if its weight acts there, and otherwise at the lower end of the
     set-point's direction.
     """
-    free = file.body.free
-    along, down = scan_direction(file), np.array([float(axis == "z") for axis in free])
-    falls = file.body.weight_N > 0.0 and down.any()
-    off = -travel_m(file) * (down if falls else along)
-    way = float(off @ along)
-    values = {"reference": place, "position": place + way, "error": -way}
-    values |= {f"error_{axis}": -one for axis, one in zip(free, off.tolist(), strict=True)}
-    pose = zip(free, (place * along + off).tolist(), strict=True)
-    values |= {f"pose_read_{axis}": one for axis, one in pose}
-    nearer = (magnet_rows(file) @ off).tolist()
-    for number, (magnet, by) in enumerate(zip(file.body_magnets, nearer, strict=True), 1):
-        gap = (magnet.gap_m or 0.0) - by
+    axes = file.body.free
+    along, down_direction = scan_direction(file), np.array([float(axis == "z") for axis in axes])
+    is_pulled_down = file.body.weight_N > 0.0 and down_direction.any()
+    offset = -travel_m(file) * (down_direction if is_pulled_down else along)
+    scan_offset = float(offset @ along)
+    values = {"reference": place, "position": place + scan_offset, "error": -scan_offset}
+    values |= {f"error_{axis}": -value for axis, value in zip(axes, offset.tolist(), strict=True)}
+    pose_values = zip(axes, (place * along + offset).tolist(), strict=True)
+    values |= {f"pose_read_{axis}": value for axis, value in pose_values}
+    gap_reductions = (magnet_rows(file) @ offset).tolist()
+    for number, (magnet, reduction) in enumerate(
+        zip(file.body_magnets, gap_reductions, strict=True), 1
+    ):
+        gap = (magnet.gap_m or 0.0) - reduction
         values |= {column_name(name, "", number): gap for name in ("gap", "gap_read")}
     return values
 

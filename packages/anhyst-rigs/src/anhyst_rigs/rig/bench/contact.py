@@ -52,26 +52,30 @@ class BoardColumns:
     def __init__(self, body: Body, sources: Sequence[str], manifest: Mapping[str, Any]) -> None:
         force, rate = body is Body.FORCE, float(manifest["rate_Hz"])
         columns = _force_columns(manifest) if force else _position_columns(manifest)
-        known = [one for one in columns if one.source in sources]
+        columns_available = [
+            column_spec for column_spec in columns if column_spec.source in sources
+        ]
         self._codes_per_unit: float
-        self.signals = tuple(one.signal for one in known)
-        self._source_columns = [1 + sources.index(one.source) for one in known]
-        self._slopes = np.array([one.slope for one in known])
-        self._offsets = np.array([one.offset for one in known])
+        self.signals = tuple(column_spec.signal for column_spec in columns_available)
+        self._source_columns = [
+            1 + sources.index(column_spec.source) for column_spec in columns_available
+        ]
+        self._slopes = np.array([column_spec.slope for column_spec in columns_available])
+        self._offsets = np.array([column_spec.offset for column_spec in columns_available])
         signals = manifest["signals"]
         if force:
             demand = signals["demand"]["scale"]
             low, high = manifest["limits"]["demand"]
             self._demand_range = DemandRange("force", "demand", "N", low, high, 0.0)
             self._codes_per_unit, self._zero = Q31 / demand, 0.0
-            own = force_settings(demand, signals["current"]["scale"], rate)
+            setting_specs = force_settings(demand, signals["current"]["scale"], rate)
         else:
             position = manifest["controller"]["signals"]["position"]
             low, high = position["low_gap"], position["high_gap"]
             self._demand_range = DemandRange("gap", "reference", "m", low, high, 0.0)
             self._codes_per_unit, self._zero = -Q31 / position["scale"], position["zero_gap"]
-            own = position_settings(tuple(manifest["controller"]["gains"].values()))
-        self.settings: tuple[SettingSpec, ...] = (*own, heartbeat_setting(rate))
+            setting_specs = position_settings(tuple(manifest["controller"]["gains"].values()))
+        self.settings: tuple[SettingSpec, ...] = (*setting_specs, heartbeat_setting(rate))
 
     def values(self, codes: NDArray[np.int64]) -> FloatArray:
         """Convert rows of tick and codes to rows of tick and signals in SI units."""
@@ -113,9 +117,9 @@ def _position_columns(manifest: Mapping[str, Any]) -> tuple[_Column, ...]:
         _Column(Signal("reference", "m", "reference gap"), "reference", slope, zero),
         _Column(Signal("demand", "N", "demanded force"), "demand", force / Q31),
         *(
-            one
+            spec
             for number in range(controller["magnets"])
-            for one in _current_columns(current, number + 1)
+            for spec in _current_columns(current, number + 1)
         ),
         *_common_columns(manifest["signals"]["demand"]["scale"]),
         _Column(Signal("phase", "", "phase of the controller: Phase"), "phase", 1.0),
@@ -123,13 +127,15 @@ def _position_columns(manifest: Mapping[str, Any]) -> tuple[_Column, ...]:
 
 
 def _current_columns(full: float, number: int = 1) -> tuple[_Column, ...]:
-    of = f", of magnet {number}" if number > 1 else ""
-    read, asked, driven = (
+    magnet_text = f", of magnet {number}" if number > 1 else ""
+    read_name, command_name, drive_name = (
         column_name(name, "", number) for name in ("current", "command", "drive")
     )
     return (
-        _Column(Signal(read, "A", f"measured current{of}"), read, full / Q30),
-        _Column(Signal(asked, "A", f"commanded current{of}"), driven, full / Q31),
+        _Column(Signal(read_name, "A", f"measured current{magnet_text}"), read_name, full / Q30),
+        _Column(
+            Signal(command_name, "A", f"commanded current{magnet_text}"), drive_name, full / Q31
+        ),
     )
 
 
@@ -181,12 +187,12 @@ class Contact:
 
     def check_same_controller(self, before: Contact) -> None:
         """Raise OtherFirmware if this controller differs from that of an earlier contact."""
-        mine, other = self.line, before.line
-        facts = attrgetter("name", "body", "signals", "every")
-        if facts(mine) != facts(other):
+        line, earlier_line = self.line, before.line
+        identity = attrgetter("name", "body", "signals", "every")
+        if identity(line) != identity(earlier_line):
             raise OtherFirmware(
-                f"{mine.url}: '{mine.name}' answers with {len(mine.signals)} signals instead of "
-                f"'{other.name}' with {len(other.signals)}; this is another firmware, restart "
+                f"{line.url}: '{line.name}' answers with {len(line.signals)} signals instead of "
+                f"'{earlier_line.name}' with {len(earlier_line.signals)}; this is another firmware, restart "
                 "with its folder",
                 code="other-firmware",
             )
@@ -198,13 +204,13 @@ def open_contact(
     """Open a line and return the contact; close it if it is not the expected controller."""
     line = open_line()
     try:
-        found = Contact(line, manifest)
+        contact = Contact(line, manifest)
         if before is not None:
-            found.check_same_controller(before)
+            contact.check_same_controller(before)
     except BaseException:
         line.close()
         raise
-    return found
+    return contact
 
 
 def active_block_checksum(line: XcpMaster) -> list[int]:
@@ -220,12 +226,12 @@ def _check(line: XcpMaster, manifest: Mapping[str, Any]) -> None:
             f"{line.url}: controls a {line.body.name.lower()}, but the folder does not",
             code="other-firmware",
         )
-    wanted = {
+    expected = {
         "SCALE_DEMAND": ("full scale of the demand", signals["demand"]["scale"]),
         "SCALE_CURRENT": ("full scale of the current", signals["current"]["scale"]),
         "SCALE_RATE": ("rate", manifest["rate_Hz"]),
     }
-    for word, (name, value) in wanted.items():
+    for word, (name, value) in expected.items():
         words = line.read_words(WORD_INDEX[word], 2)
         (found,) = struct.unpack("<f", struct.pack("<2h", *words))
         if not abs(found - value) <= 1e-6 * abs(value):

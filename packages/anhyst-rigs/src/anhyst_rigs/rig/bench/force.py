@@ -153,8 +153,8 @@ class ForceBench(LockStepBench):
             self._heartbeat = Heartbeat(self.link)
             slew = rig.settings.amplifier.slew
             set_expected_amplifier(self.link, rig.settings, slew, self._scales.current)
-            known = force_settings(self._scales.demand, self._scales.current, self.rate)
-            self._settings = ControllerSettings(self.link, known)
+            setting_specs = force_settings(self._scales.demand, self._scales.current, self.rate)
+            self._settings = ControllerSettings(self.link, setting_specs)
             self._state = State.INIT
         except BaseException:
             self._resources.close()
@@ -173,18 +173,18 @@ class ForceBench(LockStepBench):
         return rows
 
     def _row(self) -> tuple[float, ...]:
-        at, answer, scales = self._stand.last_tick, self._bus.answer, self._scales
+        stand_tick, answer, scales = self._stand.last_tick, self._bus.answer, self._scales
         assert answer is not None
         return (
             self._bus.tick,
             self._stand.gap,
-            at.gap_read,
+            stand_tick.gap_read,
             answer.demand / Q31 * scales.demand,
-            at.force,
-            at.force_read,
+            stand_tick.force,
+            stand_tick.force_read,
             answer.drive / Q31 * scales.current,
-            at.current,
-            at.current_read,
+            stand_tick.current,
+            stand_tick.current_read,
             answer.expected / Q31 * scales.demand,
             answer.flux / Q30,
             answer.state & 0xFF,
@@ -225,8 +225,8 @@ class ForceBench(LockStepBench):
 def check_demand(demand_range: DemandRange, value: float, state: State) -> None:
     """Raise an InputError if a controller would refuse a force, N."""
     demand_range.check(value)
-    if why := demand_refusal(state):
-        raise InputError(f"demand: {why}", code="wrong-state", key="demand")
+    if reason := demand_refusal(state):
+        raise InputError(f"demand: {reason}", code="wrong-state", key="demand")
 
 
 def demand_refusal(state: State) -> str:

@@ -79,22 +79,22 @@ class HardwareBench(Bench):
     def advance(self, ticks: int) -> FloatArray:
         """Wait for some ticks and return all new rows; none while the controller is lost."""
         if self._search is not None:
-            found = self._search.wait(ticks / self.rate)
-            if found is None:
+            contact = self._search.wait(ticks / self.rate)
+            if contact is None:
                 return self._columns.values(np.empty((0, 1 + len(self._sources)), dtype=np.int64))
-            self._resume(found)
-        parts, end = [self._new_rows(self._first_rows)], self.tick + ticks
+            self._resume(contact)
+        parts, end_tick = [self._new_rows(self._first_rows)], self.tick + ticks
         self._first_rows = self._first_rows[:0]
         try:
-            while self.tick < end:
-                now = time.monotonic()
-                if now - self._last_heartbeat > _HEARTBEAT_PERIOD_S:
+            while self.tick < end_tick:
+                present_time = time.monotonic()
+                if present_time - self._last_heartbeat > _HEARTBEAT_PERIOD_S:
                     self._line.send_heartbeat()
-                    self._last_heartbeat = now
-                until = max(
-                    self.tick + self.ticks_per_row, min(end, self.tick + self._max_wait_ticks)
+                    self._last_heartbeat = present_time
+                wait_tick = max(
+                    self.tick + self.ticks_per_row, min(end_tick, self.tick + self._max_wait_ticks)
                 )
-                parts.append(self._new_rows(self._line.take_samples(until - self._offset)))
+                parts.append(self._new_rows(self._line.take_samples(wait_tick - self._offset)))
         except InputError as error:
             self._start_search(error)
         codes = np.concatenate(parts)
@@ -135,38 +135,38 @@ class HardwareBench(Bench):
 
     def _resume(self, found: Contact) -> None:
         """Continue with a controller that responds again, and add a message about its state."""
-        newest = int(found.rows[-1, 0])
-        away = found.contact_time - self._last_row_time
-        ahead = (newest - (self.tick - self._offset)) % _TICK_MODULUS
-        counted = ahead / self.rate
-        goes_on = (
-            _MIN_CLOCK_RATIO * away - _CLOCK_MARGIN_S
-            <= counted
-            <= _MAX_CLOCK_RATIO * away + _CLOCK_MARGIN_S
+        newest_tick = int(found.rows[-1, 0])
+        lost_time = found.contact_time - self._last_row_time
+        counted_ticks = (newest_tick - (self.tick - self._offset)) % _TICK_MODULUS
+        counted_time = counted_ticks / self.rate
+        has_continued = (
+            _MIN_CLOCK_RATIO * lost_time - _CLOCK_MARGIN_S
+            <= counted_time
+            <= _MAX_CLOCK_RATIO * lost_time + _CLOCK_MARGIN_S
         )
-        passed = ahead if goes_on else max(1, round(away * self.rate))
+        passed_ticks = counted_ticks if has_continued else max(1, round(lost_time * self.rate))
         ticks = (
             "its tick counter continued"
-            if goes_on
-            else f"it was restarted and is at its tick {newest}"
+            if has_continued
+            else f"it was restarted and is at its tick {newest_tick}"
         )
-        parts = [f"back after {away:.1f} s, {_state_text(found)}", ticks]
+        parts = [f"back after {lost_time:.1f} s, {_state_text(found)}", ticks]
         if found.block != self._block:
             parts.append("the active parameter block has changed")
-        before = {one.name: one.value for one in self.parameters()}
+        old_values = {parameter.name: parameter.value for parameter in self.parameters()}
         self._search, self.loss_reason = None, ""
-        self._adopt_contact(found, self.tick + passed - newest)
+        self._adopt_contact(found, self.tick + passed_ticks - newest_tick)
         parts += [
-            f"{one.name} changed from {before[one.name]:g} to {one.value:g}"
-            for one in self.parameters()
-            if one.value != before[one.name]
+            f"{parameter.name} changed from {old_values[parameter.name]:g} to {parameter.value:g}"
+            for parameter in self.parameters()
+            if parameter.value != old_values[parameter.name]
         ]
         self._messages.append("; ".join(parts))
 
     def take_messages(self) -> Sequence[str]:
         """Return messages about loss and return of the controller since the last call."""
-        news, self._messages = self._messages, []
-        return news
+        messages, self._messages = self._messages, []
+        return messages
 
     def _connected_line(self) -> XcpMaster:
         if self._search is not None:
@@ -216,8 +216,8 @@ class HardwareBench(Bench):
         return self._next_tick()
 
     def _next_tick(self) -> int:
-        passed = (self._line.read_clock() + self._offset - self.tick) % _TICK_MODULUS
-        return self.tick + passed + 1
+        passed_ticks = (self._line.read_clock() + self._offset - self.tick) % _TICK_MODULUS
+        return self.tick + passed_ticks + 1
 
     def close(self) -> None:
         """Close the line; a controller that drives current goes to its safe state by itself."""
@@ -273,9 +273,9 @@ class ContactSearch:
         """End the search; a line that it has opened or still opens is closed."""
         with self._lock:
             self._cancelled.set()
-            found, self._found = self._found, None
-        if found is not None:
-            found.line.close()
+            contact, self._found = self._found, None
+        if contact is not None:
+            contact.line.close()
         self._thread.join(_JOIN_TIME_S)
 
     def _run(self) -> None:
@@ -284,14 +284,14 @@ class ContactSearch:
         while not self._cancelled.wait(pause):
             pause = min(_PAUSE_GROWTH * pause, _MAX_PAUSE_S)
             try:
-                found = self._find_contact()
+                contact = self._find_contact()
             except OtherFirmware as other:
                 self._failure = other
             except InputError as error:
                 if time.monotonic() > self._end:
                     self._failure = error
             else:
-                self._deliver(found)
+                self._deliver(contact)
             if self._found is not None or self._failure is not None:
                 self._finished.set()
                 return
@@ -299,8 +299,8 @@ class ContactSearch:
     def _deliver(self, found: Contact) -> None:
         """Store the contact, or close its line if the search was cancelled."""
         with self._lock:
-            wanted = not self._cancelled.is_set()
-            if wanted:
+            is_wanted = not self._cancelled.is_set()
+            if is_wanted:
                 self._found = found
-        if not wanted:
+        if not is_wanted:
             found.line.close()

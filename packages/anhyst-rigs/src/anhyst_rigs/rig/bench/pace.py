@@ -141,17 +141,17 @@ class PacedBench:
     def pacing(self) -> Pacing:
         """Return how closely the bench follows the clock."""
         with self._wake:
-            late, factor = [one[2] for one in self._window], 0.0
-            if len(late) > 1:
-                (begin, first, _), (end, last, _) = self._window[0], self._window[-1]
-                factor = (last - first) / self._bench.rate / (end - begin)
+            lateness, measured_speed = [entry[2] for entry in self._window], 0.0
+            if len(lateness) > 1:
+                (begin, first_tick, _), (end, last_tick, _) = self._window[0], self._window[-1]
+                measured_speed = (last_tick - first_tick) / self._bench.rate / (end - begin)
             return Pacing(
                 tick=self._tick,
                 is_paused=self._is_paused,
                 speed=self._speed,
-                measured_speed=factor,
-                mean_lateness=sum(late) / len(late) if late else 0.0,
-                max_lateness=max(late, default=0.0),
+                measured_speed=measured_speed,
+                mean_lateness=sum(lateness) / len(lateness) if lateness else 0.0,
+                max_lateness=max(lateness, default=0.0),
                 slip_count=self._slip_count,
                 lost_time=self._lost_time,
                 awaited_recorder=self._awaited_recorder,
@@ -172,17 +172,17 @@ class PacedBench:
 
     def _due_time(self, tick: int) -> float:
         """Return when a tick is due, s of the monotonic clock."""
-        begin, first = self._origin
-        return begin + (tick - first) / (self._bench.rate * self._speed)
+        begin, first_tick = self._origin
+        return begin + (tick - first_tick) / (self._bench.rate * self._speed)
 
     def _run(self) -> None:
         try:
-            with raised_priority(_PACER_PRIORITY) as first:
+            with raised_priority(_PACER_PRIORITY) as has_priority:
                 while (ticks := self._next_ticks()) is not None:
-                    began = time.monotonic()
+                    start = time.monotonic()
                     self._advance(ticks)
-                    if first:
-                        time.sleep(_REST_SHARE * (time.monotonic() - began))
+                    if has_priority:
+                        time.sleep(_REST_SHARE * (time.monotonic() - start))
         except InputError as error:
             self.error = error
         finally:
@@ -195,19 +195,21 @@ class PacedBench:
                 if not self._todo:
                     if self._is_closing:
                         return None
-                    ticks, patience = self._ticks_due()
+                    ticks, wait_time = self._ticks_due()
                     if ticks:
                         return ticks
-                    self._wake.wait(patience)
+                    self._wake.wait(wait_time)
                     continue
-                work = self._todo.popleft()
-            work()
+                action = self._todo.popleft()
+            action()
 
     def _ticks_due(self) -> tuple[int, float | None]:
         """Return the ticks to run now, or 0 and the time to wait, s; requires the lock."""
-        slow = [one.name for one in self._subscriptions if one.needs_wait()]
-        self._awaited_recorder = slow[0] if slow else ""
-        if slow:
+        full_queues = [
+            subscription.name for subscription in self._subscriptions if subscription.needs_wait()
+        ]
+        self._awaited_recorder = full_queues[0] if full_queues else ""
+        if full_queues:
             return 0, CHUNK_S
         chunk = max(1, math.floor(CHUNK_S * self._bench.rate * self._speed))
         if self._is_paused:
@@ -216,42 +218,44 @@ class PacedBench:
             return ticks, None
         if self._bench.has_own_clock:
             return chunk, None  # the bench itself waits for these ticks
-        left = self._due_time(self._tick + chunk) - time.monotonic()
-        return (0, left) if left > 0.0 else (chunk, None)
+        remaining_time = self._due_time(self._tick + chunk) - time.monotonic()
+        return (0, remaining_time) if remaining_time > 0.0 else (chunk, None)
 
     def _advance(self, ticks: int) -> None:
         rows = self._bench.advance(ticks)
         with self._wake:
             self._tick = self._bench.tick
-            self._subscriptions = [one for one in self._subscriptions if not one.has_ended]
+            self._subscriptions = [
+                subscription for subscription in self._subscriptions if not subscription.has_ended
+            ]
             subscriptions = list(self._subscriptions)
-        for one in subscriptions if len(rows) else ():
-            one.put(rows)
+        for subscription in subscriptions if len(rows) else ():
+            subscription.put(rows)
         with self._wake:
             if not self._is_paused:
                 self._record_lateness()
 
     def _record_lateness(self) -> None:
         """Record the lateness of the chunk; skip the lost time above :data:`MAX_LATENESS_S`."""
-        now = time.monotonic()
-        late = 0.0 if self._bench.has_own_clock else now - self._due_time(self._tick)
-        self._window.append((now, self._tick, late))
-        while self._window[0][0] < now - _WINDOW_S and len(self._window) > 2:
+        present_time = time.monotonic()
+        lateness = 0.0 if self._bench.has_own_clock else present_time - self._due_time(self._tick)
+        self._window.append((present_time, self._tick, lateness))
+        while self._window[0][0] < present_time - _WINDOW_S and len(self._window) > 2:
             self._window.popleft()
-        if late > MAX_LATENESS_S:
+        if lateness > MAX_LATENESS_S:
             self._slip_count += 1
-            self._lost_time += late
-            self._origin = (now, self._tick)
+            self._lost_time += lateness
+            self._origin = (present_time, self._tick)
 
     def _end(self) -> None:
         with self._wake:
             self._is_closing = True
-            left, self._todo = self._todo, deque()
+            actions, self._todo = self._todo, deque()
             subscriptions = list(self._subscriptions)
-        for one in subscriptions:
-            one.close()
-        for work in left:
-            work()
+        for subscription in subscriptions:
+            subscription.close()
+        for action in actions:
+            action()
 
 
 @contextmanager

@@ -62,24 +62,24 @@ class PiezoBench(CycleBench):
     commands = CYCLE_COMMANDS
 
     def __init__(self, rig: PiezoRig, inverses: Sequence[ForceController]) -> None:
-        moved, rate = rig.settings.displacement_case, float(rig.settings.timing.rate_Hz)
+        case, rate = rig.settings.displacement_case, float(rig.settings.timing.rate_Hz)
         self.rig, self.rate = rig, rate
         self._inverses = tuple(inverses)
         self._max_displacement = inverses[
             0
         ].scales.demand  # largest displacement of the measured loops, m
         self.demand_range = DemandRange(
-            "position", "reference", "m", -moved.low_m, self._max_displacement - moved.low_m, 0.0
+            "position", "reference", "m", -case.low_m, self._max_displacement - case.low_m, 0.0
         )
         self._values = {
             "compensation": 1.0,
             "bandwidth": rig.settings.displacement.bandwidth_Hz,
-            "stroke": moved.stroke_m,
-            "frequency": moved.frequency_Hz,
+            "stroke": case.stroke_m,
+            "frequency": case.frequency_Hz,
             "plant": 0.0,
         }
         self._staged: dict[str, float] = {}
-        stroke = moved.stroke_m
+        stroke = case.stroke_m
         self._knobs = Knobs(
             Parameter(
                 "disturbance_stroke", "m", 0.0, stroke, "amplitude of a sinusoidal load", 0.0
@@ -108,7 +108,7 @@ class PiezoBench(CycleBench):
         self._rng = np.random.default_rng(noise)
         plant = replace(self.rig, settings=drifted_file(settings, drift))
         self._loop = PiezoLoop(plant.make_motion(self.rig.dt), settings.position_sensor.step_m)
-        self._drives = [copy_at_rest(one) for one in self._inverses]
+        self._drives = [copy_at_rest(inverse) for inverse in self._inverses]
         self._expected_displacements = np.zeros(
             len(self._drives)
         )  # displacement that each inverse predicts, m
@@ -163,49 +163,51 @@ class PiezoBench(CycleBench):
         return turns[np.floor(turns) <= self._whole_periods]
 
     def _run_ticks(self, n: int) -> FloatArray:
-        runs = self._state is State.RUN
-        above = np.full(n, self._triangle_height)
-        if runs:
-            above = self._values["stroke"] * triangle_wave(self._period_phases(n))
-        n, rig, settings = above.size, self.rig, self.rig.settings
-        path = np.concatenate([self._past, settings.displacement_case.low_m + above + self._offset])
-        wanted = round_corners(path, rig.corner_ticks)
+        is_running = self._state is State.RUN
+        height = np.full(n, self._triangle_height)
+        if is_running:
+            height = self._values["stroke"] * triangle_wave(self._period_phases(n))
+        n, rig, settings = height.size, self.rig, self.rig.settings
+        path = np.concatenate(
+            [self._past, settings.displacement_case.low_m + height + self._offset]
+        )
+        reference = round_corners(path, rig.corner_ticks)
         time = rig.dt * np.arange(
             self._plant_ticks - self._delay_ticks, self._plant_ticks + n, dtype=np.float64
         )
-        expected = np.interp(time[self._delay_ticks :] - rig.response_delay, time, wanted)
-        wanted = wanted[self._delay_ticks :]
+        expected = np.interp(time[self._delay_ticks :] - rig.response_delay, time, reference)
+        reference = reference[self._delay_ticks :]
         noise = settings.position_sensor.noise_m * self._rng.standard_normal(n)
         ticks = np.arange(n) + (self.tick + 1 - self._phase_zero_tick)
         wave = sine(self._knobs["disturbance_frequency"] * rig.dt * ticks)
         load = self._knobs["disturbance_stroke"] * wave + 0.0  # avoids -0.0 without a disturbance
-        table = self._loop.run(wanted, expected, noise, load)
-        position, read, demand, voltage = table.T.copy()
+        table = self._loop.run(reference, expected, noise, load)
+        position, position_read, demand, voltage = table.T.copy()
         error = position - expected
-        loss = find_piezo_loss(rig, error, demand - wanted)
-        kept = n if loss is None else loss.tick + 1
-        self._past, self._triangle_height = path[n:], float(above[-1])
+        loss = find_piezo_loss(rig, error, demand - reference)
+        row_count = n if loss is None else loss.tick + 1
+        self._past, self._triangle_height = path[n:], float(height[-1])
         self._plant_ticks, self._path_ticks = (
             self._plant_ticks + n,
-            self._path_ticks + n if runs else 0,
+            self._path_ticks + n if is_running else 0,
         )
         for k, drive in enumerate(self._drives):
             in_force = k == int(self._values["compensation"])
             self._expected_displacements[k] = (
                 demand[-1] if in_force else drive.follow(voltage, np.zeros(n))[-1]
             )
-        of_loop = (wanted, expected, position, read, error, demand, voltage, load)
-        rows = self._rows(kept, *(one[:kept] for one in of_loop))
+        signals = (reference, expected, position, position_read, error, demand, voltage, load)
+        rows = self._rows(row_count, *(signal[:row_count] for signal in signals))
         if loss is not None:
             self._state, self._fault = State.FAULT, Fault.POSITION_RANGE
         return rows
 
     def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
-        lap = self._cycle_count if self._state is State.RUN else 0
-        own = [np.full(n, float(one)) for one in (self._state, self._fault, lap)]
+        cycle = self._cycle_count if self._state is State.RUN else 0
+        state_columns = [np.full(n, float(value)) for value in (self._state, self._fault, cycle)]
         self.tick += n
-        return np.column_stack([numbers, *of_loop, *own])
+        return np.column_stack([numbers, *of_loop, *state_columns])
 
     def _lost_rows(self, n: int) -> FloatArray:  # at 0 V
         return self._rows(n, *np.zeros((len(_PIEZO_SIGNALS), n)))
@@ -233,11 +235,11 @@ class PiezoBench(CycleBench):
     def _check_displacement(self, offset: float, staged: Mapping[str, float]) -> None:
         """Raise an InputError if the stack cannot reach active or staged displacements."""
         strokes = self._values["stroke"], staged.get("stroke", 0.0)
-        above = max(strokes) if self._state is State.RUN else self._triangle_height
-        top = self.rig.settings.displacement_case.low_m + above + offset
-        if top > self._max_displacement * (1.0 + 1e-9):
+        height = max(strokes) if self._state is State.RUN else self._triangle_height
+        highest = self.rig.settings.displacement_case.low_m + height + offset
+        if highest > self._max_displacement * (1.0 + 1e-9):
             raise InputError(
-                f"the stage would go to {1e6 * top:.3g} um, the stack to "
+                f"the stage would go to {1e6 * highest:.3g} um, the stack to "
                 f"{1e6 * self._max_displacement:.3g} um; lower the target or the stroke",
                 code="out-of-range",
             )
@@ -248,25 +250,33 @@ class PiezoBench(CycleBench):
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return all parameters, with the values that will be active in the next period."""
-        own, moved, values = (
+        settings, case, values = (
             self.rig.settings,
             self.rig.settings.displacement_case,
             self._values | self._staged,
         )
-        bandwidth, slow = own.displacement.bandwidth_Hz, moved.frequency_Hz
-        fast = max(slow, min(self.rate / 20.0, 0.25 / max(moved.corner_s, self.rig.dt)))
-        off, on = (one.method for one in self._inverses)
-        known = (
-            ("compensation", "", 0.0, 1.0, f"1: {on}; 0: {off}"),
+        bandwidth, nominal_frequency = settings.displacement.bandwidth_Hz, case.frequency_Hz
+        max_frequency = max(
+            nominal_frequency, min(self.rate / 20.0, 0.25 / max(case.corner_s, self.rig.dt))
+        )
+        baseline, compensator = (inverse.method for inverse in self._inverses)
+        specs = (
+            ("compensation", "", 0.0, 1.0, f"1: {compensator}; 0: {baseline}"),
             ("bandwidth", "Hz", 0.1 * bandwidth, 5.0 * bandwidth, "bandwidth of the integrator"),
             (
                 "stroke",
                 "m",
                 0.0,
-                self._max_displacement - moved.low_m,
+                self._max_displacement - case.low_m,
                 "stroke of the triangle, peak to peak",
             ),
-            ("frequency", "Hz", 0.05 * slow, fast, "frequency of the triangle"),
+            (
+                "frequency",
+                "Hz",
+                0.05 * nominal_frequency,
+                max_frequency,
+                "frequency of the triangle",
+            ),
             (
                 "plant",
                 "",
@@ -275,12 +285,12 @@ class PiezoBench(CycleBench):
                 "0: rig file; n: n-th sample of [spread]",
             ),
         )
-        return (*(Parameter(*one, values[one[0]]) for one in known), *self._knobs.parameters())
+        return (*(Parameter(*spec, values[spec[0]]) for spec in specs), *self._knobs.parameters())
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Stage parameters for the next period; disturbances take effect on the next tick."""
         check_values(values, self.parameters(), integer_names=("compensation", "plant"))
-        staged = {name: one for name, one in values.items() if name in self._values}
+        staged = {name: value for name, value in values.items() if name in self._values}
         if staged and self._state is State.FAULT:
             raise InputError("the stage is lost: press clear first", code="wrong-state")
         self._check_displacement(self._offset, self._staged | staged)

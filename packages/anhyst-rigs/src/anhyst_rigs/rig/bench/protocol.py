@@ -83,17 +83,17 @@ _MAGNET_SIGNALS = (
 
 def axis_and_magnet_signals(free: Sequence[str], magnets: Sequence[str]) -> list[Signal]:
     """Return the signals of the coordinates and of the magnets, by their names."""
-    axes = [
+    axis_signals = [
         Signal(f"{name}_{axis}", units[axis.startswith("r")], text.format(axis))
         for name, units, text in _AXIS_SIGNALS
         for axis in free
     ]
-    each = [
+    magnet_signals = [
         Signal(column_name(name, "", number), unit, text.format(magnet))
         for number, magnet in enumerate(magnets, 1)
         for name, unit, text in _MAGNET_SIGNALS
     ]
-    return axes + each
+    return axis_signals + magnet_signals
 
 
 class DemandRange(NamedTuple):
@@ -132,7 +132,7 @@ class Knobs:
     """Adjustable parameters of a rig that are not settings of its controller."""
 
     def __init__(self, *known: Parameter) -> None:
-        self._known = {one.name: one for one in known}
+        self._known = {parameter.name: parameter for parameter in known}
 
     def __getitem__(self, name: str) -> float:
         return self._known[name].value
@@ -294,11 +294,11 @@ def refusal_reason(command: Command, now: ControllerStatus) -> str:
     states = _permitted_states(command, now.levitates)
     if command in _STAGE_COMMAND_STATES and not now.levitates:
         return "" if now.name in states else f"only in the state {states[0]}, not in {now.name}"
-    hindered = obstacle(command, **now._asdict())
-    if hindered == "current":
+    hindrance = obstacle(command, **now._asdict())
+    if hindrance == "current":
         return "only once the current is zero"
-    if hindered != "state":
-        return hindered and "this controller has no such command"
+    if hindrance != "state":
+        return hindrance and "this controller has no such command"
     if now.name not in states:
         return f"only in the state {' or '.join(states)}, not in {now.name}"
     return "only once the armature is down" if now.plausible else "only with a plausible sample"
@@ -306,12 +306,12 @@ def refusal_reason(command: Command, now: ControllerStatus) -> str:
 
 def check_stage_command(command: Command, commands: Sequence[Command], state: State) -> None:
     """Raise an InputError if a stage does not permit a command in its state."""
-    still = ControllerStatus(state, False, True, False, True, True)
-    name, why = command.name.lower(), refusal_reason(command, still)
+    status = ControllerStatus(state, False, True, False, True, True)
+    name, reason = command.name.lower(), refusal_reason(command, status)
     if command not in commands:
-        why = "a stage has no such command"
-    if why:
-        raise InputError(f"{name}: {why}", code="wrong-state", key=name)
+        reason = "a stage has no such command"
+    if reason:
+        raise InputError(f"{name}: {reason}", code="wrong-state", key=name)
 
 
 def describe_next_step(commands: Sequence[Command], now: ControllerStatus) -> str:
@@ -321,17 +321,19 @@ def describe_next_step(commands: Sequence[Command], now: ControllerStatus) -> st
     if Command.RUN in commands and now.state is not State.IDLE:
         # The body is lifted already, or is lifted after the command clear.
         commands = [command for command in commands if command is not Command.LIFT]
-    known = [[command for command in step if command in commands] for step in _STEPS_TO_RUN]
-    path = [step for step in known if step]
-    begins = [
+    permitted_steps = [
+        [command for command in step if command in commands] for step in _STEPS_TO_RUN
+    ]
+    path = [step for step in permitted_steps if step]
+    possible_starts = [
         n
         for n, step in enumerate(path)
         if any(now.name in _permitted_states(command, now.levitates) for command in step)
     ]
-    begin = begins[-1] if begins else 1 + now.conditioning
-    steps = ", then ".join(_step_text(step) for step in path[begin:])
-    why = refusal_reason(path[begin][0], now) if begins else f"after {now.name}"
-    return f"{why}: press {steps}" if why else f"press {steps}"
+    start = possible_starts[-1] if possible_starts else 1 + now.conditioning
+    steps = ", then ".join(_step_text(step) for step in path[start:])
+    reason = refusal_reason(path[start][0], now) if possible_starts else f"after {now.name}"
+    return f"{reason}: press {steps}" if reason else f"press {steps}"
 
 
 def _step_text(step: Sequence[Command]) -> str:
@@ -343,6 +345,6 @@ def _permitted_states(command: Command, levitates: bool) -> list[str]:
     """Return the states that permit a command, for an armature at rest without current."""
     if command in _STAGE_COMMAND_STATES and not levitates:
         return [_STAGE_COMMAND_STATES[command].name.lower()]
-    still = [ControllerStatus(state, False, True, levitates, True, True) for state in State]
-    still.append(ControllerStatus(State.IDLE, True, True, levitates, True, True))
-    return [stand.name for stand in still if not obstacle(command, **stand._asdict())]
+    statuses = [ControllerStatus(state, False, True, levitates, True, True) for state in State]
+    statuses.append(ControllerStatus(State.IDLE, True, True, levitates, True, True))
+    return [status.name for status in statuses if not obstacle(command, **status._asdict())]

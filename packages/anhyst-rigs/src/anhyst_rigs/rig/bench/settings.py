@@ -54,8 +54,8 @@ class SettingSpec(NamedTuple):
         if self.value_per_code == 1.0 and value != round(value):
             text = f"{self.name}: is {value:g}; choose {self.low:g} or {self.high:g}"
             raise InputError(text, code="out-of-range", key=self.name)
-        most = SETTINGS[self.setting]
-        return min(max(round(value / self.value_per_code), most.low), most.high)
+        limits = SETTINGS[self.setting]
+        return min(max(round(value / self.value_per_code), limits.low), limits.high)
 
 
 class ControllerSettings:
@@ -64,29 +64,31 @@ class ControllerSettings:
     def __init__(self, line: SettingsLine, known: Sequence[SettingSpec]) -> None:
         self._line = line
         self._specs = tuple(known)
-        self._codes = {one.setting: line.read_setting(one.setting) for one in self._specs}
+        self._codes = {spec.setting: line.read_setting(spec.setting) for spec in self._specs}
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return all settings with their present values."""
         return tuple(
             Parameter(
-                one.name,
-                one.unit,
-                one.low,
-                one.high,
-                one.doc,
-                self._codes[one.setting] * one.value_per_code,
+                spec.name,
+                spec.unit,
+                spec.low,
+                spec.high,
+                spec.doc,
+                self._codes[spec.setting] * spec.value_per_code,
             )
-            for one in self._specs
+            for spec in self._specs
         )
 
     def write(self, values: Mapping[str, float], is_running: bool) -> None:
         """Write several settings, or none if one is refused; other names are ignored."""
-        codes = {one: one.encode(values[one.name]) for one in self._specs if one.name in values}
-        changed = {
-            one.setting: code for one, code in codes.items() if code != self._codes[one.setting]
+        codes = {
+            spec: spec.encode(values[spec.name]) for spec in self._specs if spec.name in values
         }
-        for setting in changed:
+        changed_codes = {
+            spec.setting: code for spec, code in codes.items() if code != self._codes[spec.setting]
+        }
+        for setting in changed_codes:
             if is_running and not SETTINGS[setting].while_running:
                 raise InputError(
                     f"{setting.name.lower()}: cannot change while the controller runs; stop it "
@@ -94,11 +96,11 @@ class ControllerSettings:
                     code="wrong-state",
                     key=setting.name.lower(),
                 )
-        before = {setting: self._codes[setting] for setting in changed}
+        old_codes = {setting: self._codes[setting] for setting in changed_codes}
         try:
-            self._send(changed)
+            self._send(changed_codes)
         except RequestRefusedError:
-            self._send(before)
+            self._send(old_codes)
             raise
 
     def _send(self, codes: Mapping[Setting, int]) -> None:
@@ -116,14 +118,22 @@ _COMPENSATION = SettingSpec(
 
 def force_settings(demand: float, current: float, rate: float) -> tuple[SettingSpec, ...]:
     """Return the settings of a force controller for full scales, N and A, and a rate, Hz."""
-    most, ratio = demand * rate, current / demand
-    slew, of_ratio = "largest slope of the demand", "constant ratio of current to force"
-    follow = "current that updates the hysteresis state: 0: driven; 1: measured"
+    max_slew, ratio = demand * rate, current / demand
+    slew_doc, ratio_doc = "largest slope of the demand", "constant ratio of current to force"
+    follow_doc = "current that updates the hysteresis state: 0: driven; 1: measured"
     return (
-        SettingSpec("demand_slew", Setting.DEMAND_SLEW, "N/s", most / Q31, most, most / Q31, slew),
+        SettingSpec(
+            "demand_slew",
+            Setting.DEMAND_SLEW,
+            "N/s",
+            max_slew / Q31,
+            max_slew,
+            max_slew / Q31,
+            slew_doc,
+        ),
         _COMPENSATION,
-        SettingSpec("ratio", Setting.RATIO, "A/N", 0.0, 2.0 * ratio, ratio / Q30, of_ratio),
-        SettingSpec("follow", Setting.FOLLOW, "", 0.0, 1.0, 1.0, follow),
+        SettingSpec("ratio", Setting.RATIO, "A/N", 0.0, 2.0 * ratio, ratio / Q30, ratio_doc),
+        SettingSpec("follow", Setting.FOLLOW, "", 0.0, 1.0, 1.0, follow_doc),
     )
 
 
@@ -133,9 +143,11 @@ def position_settings(gains: Sequence[float]) -> tuple[SettingSpec, ...]:
     for (setting, (unit, doc)), gain in zip(_GAIN_SETTINGS.items(), gains, strict=True):
         if gain == 0.0:
             continue
-        code, most = gain / Q30, SETTINGS[setting]
-        low, high = sorted((code * most.low, code * most.high))
-        settings.append(SettingSpec(setting.name.lower(), setting, unit, low, high, code, doc))
+        value_per_code, limits = gain / Q30, SETTINGS[setting]
+        low, high = sorted((value_per_code * limits.low, value_per_code * limits.high))
+        settings.append(
+            SettingSpec(setting.name.lower(), setting, unit, low, high, value_per_code, doc)
+        )
     return tuple(settings)
 
 
@@ -166,9 +178,9 @@ def set_expected_amplifier(
 
 def heartbeat_setting(rate: float) -> SettingSpec:
     """Return the setting of the time for which a controller waits for a heartbeat, s."""
-    low, high = SETTINGS[Setting.HEARTBEAT_TICKS].low / rate, 1e-3 * HEARTBEAT_MS
+    low_s, high_s = SETTINGS[Setting.HEARTBEAT_TICKS].low / rate, 1e-3 * HEARTBEAT_MS
     doc = "time without a heartbeat after which the controller goes to rest"
-    return SettingSpec("heartbeat", Setting.HEARTBEAT_TICKS, "s", low, high, 1.0 / rate, doc)
+    return SettingSpec("heartbeat", Setting.HEARTBEAT_TICKS, "s", low_s, high_s, 1.0 / rate, doc)
 
 
 def check_values(
@@ -197,9 +209,15 @@ def stage_parameters(
     values: Mapping[str, float], methods: tuple[str, str], crossover: float
 ) -> tuple[Parameter, ...]:
     """Return the parameters of a running stage, for methods without and with compensation."""
-    off, on = methods
-    known = (
-        ("compensation", "", 0.0, 1.0, f"1: {on}; 0: {off}; each with its own gains"),
+    baseline_method, compensated_method = methods
+    specs = (
+        (
+            "compensation",
+            "",
+            0.0,
+            1.0,
+            f"1: {compensated_method}; 0: {baseline_method}; each with its own gains",
+        ),
         ("gain_acceleration", "", 0.0, 2.0, "feedforward gain of mass times acceleration"),
         ("gain_jerk", "s", -1e-3, 1e-3, "feedforward gain of the jerk"),
         ("gain_snap", "s2", -1e-6, 1e-6, "feedforward gain of the snap"),
@@ -214,5 +232,5 @@ def stage_parameters(
         ),
     )
     return tuple(
-        Parameter(name, unit, low, high, doc, values[name]) for name, unit, low, high, doc in known
+        Parameter(name, unit, low, high, doc, values[name]) for name, unit, low, high, doc in specs
     )

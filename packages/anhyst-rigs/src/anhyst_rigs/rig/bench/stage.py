@@ -130,26 +130,29 @@ class StageBench(CycleBench):
         rig = setups[0].rig
         self.rig, self.rate = rig, 1.0 / rig.dt
         file, self._magnets = rig.settings, len(rig.settings.magnets)
-        each = axis_and_magnet_signals(
+        coordinate_signals = axis_and_magnet_signals(
             file.body.free, [magnet.name for magnet in file.body_magnets]
         )
-        flight = Signal("flight", "", "phase of the controller: Phase of anhyst.support.states")
-        self.signals = (*SCAN_SIGNALS, *each, flight, *STAGE_STATE_SIGNALS)
+        phase_signal = Signal(
+            "flight", "", "phase of the controller: Phase of anhyst.support.states"
+        )
+        self.signals = (*SCAN_SIGNALS, *coordinate_signals, phase_signal, *STAGE_STATE_SIGNALS)
         self.cycles: deque[StageCycle] = deque(maxlen=MAX_CYCLES)
         self._max_acceleration = max(file.scan.test_m_per_s2)
-        left = (
+        available_force = (
             largest_wrench_factor(file, scan_wrench(file))
             - file.body.mass_kg * self._max_acceleration
         )
-        self.max_load = MAX_LOAD_SHARE * max(left, 0.0)
-        ways = zip(file.body.free, np.eye(len(file.body.free)), strict=True)
+        self.max_load = MAX_LOAD_SHARE * max(available_force, 0.0)
+        axis_directions = zip(file.body.free, np.eye(len(file.body.free)), strict=True)
         self._max_pushes = {
-            f"push_{axis}": MAX_LOAD_SHARE * largest_wrench_factor(file, way) for axis, way in ways
+            f"push_{axis}": MAX_LOAD_SHARE * largest_wrench_factor(file, direction)
+            for axis, direction in axis_directions
         }
         self._pushes = dict.fromkeys(self._max_pushes, 0.0)  # active values
         # A step of the target by this amount demands the largest force immediately.
-        most = file.tracking.force_max_N / pid_coefficients(rig)["b0"]
-        self.demand_range = DemandRange("position", "reference", "m", -most, most, 0.0)
+        max_offset = file.tracking.force_max_N / pid_coefficients(rig)["b0"]
+        self.demand_range = DemandRange("position", "reference", "m", -max_offset, max_offset, 0.0)
         self.setups = tuple(setups)  # as in the files
         self._setups, self._gains = list(setups), list(gains)
         self._values = {
@@ -214,8 +217,8 @@ class StageBench(CycleBench):
         controller = setup.make_controller(drives)
         self._loop = ClosedLoop(self._plant, controller, current_controllers(setup.rig))
         if len(self._latest_history):
-            wanted, fed = np.split(self._latest_history[:, 2 * self._magnets :], 2, axis=1)
-            self._integral_wrench = np.array([np.mean(one) for one in (wanted - fed).T])
+            demanded, fed = np.split(self._latest_history[:, 2 * self._magnets :], 2, axis=1)
+            self._integral_wrench = np.array([np.mean(values) for values in (demanded - fed).T])
         # A controller starts in the levitated state.
         self._next_command = Command.IDLE if self._state is State.IDLE else Command.NONE
 
@@ -248,8 +251,8 @@ class StageBench(CycleBench):
             )
             self._cycle_count += 1
             self._cycle_number, self._next_direction = self._cycle_count, -self._next_direction
-            pushed = self._load, *self._pushes.values()
-            under = (*self._values.values(), *self._gains, *pushed)
+            external_forces = self._load, *self._pushes.values()
+            conditions = (*self._values.values(), *self._gains, *external_forces)
             begin, ticks = self.tick + 1, len(self._scan_course)
             lap = StageCycle(
                 self._cycle_number,
@@ -257,7 +260,7 @@ class StageBench(CycleBench):
                 ticks,
                 self._history_start,
                 self._motion,
-                under,
+                conditions,
                 self._setup,
             )
             self.cycles.append(lap)
@@ -274,7 +277,7 @@ class StageBench(CycleBench):
         corrected, self._corrected_setups = self._corrected_setups, {}
         for which, setup in corrected.items():
             self._setups[which] = setup
-        self._values |= {name: one for name, one in staged.items() if name in self._values}
+        self._values |= {name: value for name, value in staged.items() if name in self._values}
         which = int(self._values["compensation"])
         gains = {
             name: staged[f"gain_{name}"] for name in FEEDFORWARD_GAINS if f"gain_{name}" in staged
@@ -289,20 +292,22 @@ class StageBench(CycleBench):
 
     def _next_feedforward(self, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return n + 1 positions, n accelerations and n feedforward forces of the next ticks."""
-        course, at = self._active_course, self._course_tick
+        course, tick = self._active_course, self._course_tick
         if course is None:
-            place, accelerations, ahead = np.zeros(n + 1), np.zeros(n), np.zeros((n, 4))
+            positions, accelerations, ahead = np.zeros(n + 1), np.zeros(n), np.zeros((n, 4))
         else:
-            place = course.position[at : at + n + 1]
+            positions = course.position[tick : tick + n + 1]
             accelerations, ahead = (
-                course.acceleration[at : at + n],
-                course.early_derivatives[at : at + n],
+                course.acceleration[tick : tick + n],
+                course.early_derivatives[tick : tick + n],
             )
         setup, gains = self._setup, self._gains[int(self._values["compensation"])]
         mass = setup.assumed_rig.settings.body.mass_kg
-        moved = ahead[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
-        forward = mass * moved + setup.cable_stiffness * (self._course_start + ahead[:, 3])
-        return self._course_start + place, accelerations, forward
+        mass_acceleration = ahead[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
+        forward = mass * mass_acceleration + setup.cable_stiffness * (
+            self._course_start + ahead[:, 3]
+        )
+        return self._course_start + positions, accelerations, forward
 
     def _next_stray(self, n: int, late: FloatArray | float) -> FloatArray:
         """Return the path error of the long stroke at the next ticks, m, as in a simulation."""
@@ -315,26 +320,26 @@ class StageBench(CycleBench):
         place, accelerations, forward = self._next_feedforward(n)
         past = np.concatenate([self._past_accelerations, accelerations])
         stray = self._next_stray(n + 1, past[: n + 1] / self._max_acceleration)
-        of_loop, flowed, loss = self._simulate(place, stray, forward)
-        kept = len(flowed)
-        rows = self._rows(kept, *of_loop)
+        signals, history, loss = self._simulate(place, stray, forward)
+        row_count = len(history)
+        rows = self._rows(row_count, *signals)
         self._past_accelerations, self._course_tick = (
-            past[kept : kept + self._past_accelerations.size],
-            self._course_tick + kept,
+            past[row_count : row_count + self._past_accelerations.size],
+            self._course_tick + row_count,
         )
-        self._record_history(flowed)
-        carried = round(CARRY_OVER_S / self.rig.dt)
-        self._latest_history = np.concatenate([self._latest_history, flowed])[-carried:]
+        self._record_history(history)
+        carry_over_ticks = round(CARRY_OVER_S / self.rig.dt)
+        self._latest_history = np.concatenate([self._latest_history, history])[-carry_over_ticks:]
         if loss is not None:
             self._state, self._fault, self._cycle_number = State.FAULT, Fault.POSITION_RANGE, 0
         return rows
 
     def _record_history(self, flowed: FloatArray) -> None:
         """Store currents and gaps for new compensators, except at rest."""
-        driven = bool(self._history) and self._history[-1][-1:, : self._magnets].any()
+        is_driven = bool(self._history) and self._history[-1][-1:, : self._magnets].any()
         if self._active_course is not None or self._is_lifting_or_landing:
             self._history.append(flowed)
-        elif self._state is State.IDLE and driven:
+        elif self._state is State.IDLE and is_driven:
             self._history.append(flowed[-1:])
 
     def _simulate(
@@ -351,44 +356,48 @@ class StageBench(CycleBench):
         scenario.command[0], self._next_command = self._next_command, Command.NONE
         load = self._load - self._cable_stiffness * place[:-1]
         run = self._loop.run(replace(scenario, load=load))
-        held = (
+        is_held = (
             self._state is not State.IDLE and not self._is_lifting_or_landing
         )  # otherwise it may lie on a stop
-        loss = find_stage_loss(rig, run, len(fed)) if held else None
+        loss = find_stage_loss(rig, run, len(fed)) if is_held else None
         run = run.slice_ticks(0, len(fed) if loss is None else loss.tick + 1)
-        seen = dict(run.columns) | recording_columns(rig, run, scenario) | self._bench_columns(run)
-        wanted = [run[name] for name in axis_columns("demand", free, WRENCH_UNITS)]
+        columns = (
+            dict(run.columns) | recording_columns(rig, run, scenario) | self._bench_columns(run)
+        )
+        demanded = [run[name] for name in axis_columns("demand", free, WRENCH_UNITS)]
         currents = [run[name] for name in magnet_columns(CURRENT_SIGNALS[:1], 1, self._magnets)]
         gaps = [run[name] for name in magnet_columns([("gap_read", "m")], 1, self._magnets)]
-        flowed = [*currents, *gaps, *wanted, fed[: len(run)]]
-        of_loop = [seen[column_name(one.name, one.unit)] for one in self._loop_signals]
-        return of_loop, np.column_stack(flowed), loss
+        history = [*currents, *gaps, *demanded, fed[: len(run)]]
+        signals = [columns[column_name(signal.name, signal.unit)] for signal in self._loop_signals]
+        return signals, np.column_stack(history), loss
 
     def _bench_columns(self, run: Recording) -> dict[str, FloatArray]:
         """Return the phase, the pull of each magnet, and the wrench of all magnets."""
         settings = self.rig.settings
         free = settings.body.free
         wrench = [run[name] for name in axis_columns("wrench", free, WRENCH_UNITS)]
-        read = dict(zip(demand_columns(free, "wrench"), wrench, strict=True))
+        wrench_columns = dict(zip(demand_columns(free, "wrench"), wrench, strict=True))
         self._phases = run["state"] % PHASES_PER_STATE
         if self._is_lifting_or_landing and self._phases[-1] in (Phase.HOVER, Phase.REST):
             self._is_lifting_or_landing = False
             self._state = State.READY if self._phases[-1] == Phase.HOVER else State.IDLE
-        return read | magnet_pulls(settings, run) | {"flight": self._phases}
+        return wrench_columns | magnet_pulls(settings, run) | {"flight": self._phases}
 
     def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
-        own = [np.full(n, float(one)) for one in (self._fault, self._cycle_number)]
+        state_columns = [np.full(n, float(value)) for value in (self._fault, self._cycle_number)]
         state = np.full(n, float(self._state))
         if self._state is not State.FAULT:
             state[self._phases != Phase.HOVER] = State.RUN
             state[self._phases == Phase.REST] = State.IDLE
         self.tick += n
-        return np.column_stack([numbers, *of_loop, state, *own])
+        return np.column_stack([numbers, *of_loop, state, *state_columns])
 
     def _lost_rows(self, n: int) -> FloatArray:  # on a stop without current
         values = resting_values(self.rig.settings, self._course_start)
-        return self._rows(n, *(np.full(n, values.get(one.name, 0.0)) for one in self._loop_signals))
+        return self._rows(
+            n, *(np.full(n, values.get(signal.name, 0.0)) for signal in self._loop_signals)
+        )
 
     @property
     def _loop_signals(self) -> Sequence[Signal]:
@@ -453,45 +462,50 @@ class StageBench(CycleBench):
         values = {**self._values, **self._staged}
         gains = self._gains[int(values["compensation"])]
         values = {**{f"gain_{name}": getattr(gains, name) for name in FEEDFORWARD_GAINS}, **values}
-        off, on = (one.method for one in self._setups)
+        baseline_method, compensated_method = (setup.method for setup in self._setups)
         pushes = (
             Parameter(
                 name,
                 WRENCH_UNITS["_r" in name],
-                -most,
-                most,
+                -limit,
+                limit,
                 "added to the demanded wrench immediately",
-                now,
+                value,
             )
-            for (name, most), now in zip(
+            for (name, limit), value in zip(
                 self._max_pushes.items(), self._pushes.values(), strict=True
             )
         )
-        return (*stage_parameters(values, (off, on), crossover), *pushes)
+        return (
+            *stage_parameters(values, (baseline_method, compensated_method), crossover),
+            *pushes,
+        )
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Stage parameters until the body next rests; pushes take effect on the next tick."""
         check_values(values, self.parameters(), integer_names=("compensation", "plant"))
-        pushed = {name: force for name, force in values.items() if name in self._pushes}
+        pushes = {name: force for name, force in values.items() if name in self._pushes}
         staged = {name: value for name, value in values.items() if name not in self._pushes}
         due = self.tick + 1
-        if staged or not pushed:
+        if staged or not pushes:
             if self._is_lifting_or_landing:
                 raise InputError("the stage is lifting or landing: wait", code="wrong-state")
             if self._state is State.FAULT:
                 raise InputError("the stage is lost: press clear first", code="wrong-state")
             self._staged |= staged
             due = self._next_rest_tick
-        self._pushes |= pushed
+        self._pushes |= pushes
         return due
 
     def correct(self, setup: StageSetup) -> int:
         """Stage a setup with estimated corrections until the body next rests."""
-        methods = [one.method for one in self._setups]
+        methods = [setup_in_use.method for setup_in_use in self._setups]
         self._corrected_setups[methods.index(setup.method)] = setup
         return self._next_rest_tick
 
     @property
     def _next_rest_tick(self) -> int:
-        left = 0 if self._active_course is None else len(self._active_course) - self._course_tick
-        return self.tick + left + 1
+        remaining = (
+            0 if self._active_course is None else len(self._active_course) - self._course_tick
+        )
+        return self.tick + remaining + 1

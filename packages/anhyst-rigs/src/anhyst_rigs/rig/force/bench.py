@@ -102,8 +102,8 @@ def add_lead_in(name: str, force: FloatArray, rate: float) -> Demand:
 
 def triangle_demand(shape: ForceCase, force_max: float, rate: float) -> Demand:
     """Return a triangle that begins and ends at its lower reversal."""
-    half = max(1, round(0.5 * shape.period_s * rate))
-    phase = np.arange(2 * half * shape.cycles + 1) / half
+    half_period = max(1, round(0.5 * shape.period_s * rate))
+    phase = np.arange(2 * half_period * shape.cycles + 1) / half_period
     height = 1.0 - np.abs(phase % 2.0 - 1.0)
     force = force_max * (shape.low + (shape.high - shape.low) * height)
     return add_lead_in(shape.name, force, rate)

@@ -155,8 +155,11 @@ class ForceControlRig:
 
     def make_sensors(self, seed: list[int], sample: float | None = None) -> Sensors:
         """Return the sensors with independent noise; the sampling time, s, defaults to a tick."""
-        own, numbers = [self.settings.seed, *seed], self.sensor_parameters(sample or self.dt)
-        return {name: NoisySensor(one, [*own, n]) for n, (name, one) in enumerate(numbers.items())}
+        own_seed, numbers = [self.settings.seed, *seed], self.sensor_parameters(sample or self.dt)
+        return {
+            name: NoisySensor(sensor, [*own_seed, index])
+            for index, (name, sensor) in enumerate(numbers.items())
+        }
 
     def sensors(self, seed: list[int], sample: float) -> Sensors:
         """Return the sensors that measure loops; the seed of the rig file is added."""
@@ -195,5 +198,5 @@ def files_of_rig(path: PathLike, controller: PathLike | None) -> list[Path]:
     del controller
     rig = read_rig(path)
     solenoid = rig.settings.solenoid
-    named = [] if solenoid is None else [rig.path.parent / solenoid.file]
-    return [rig.path, *named, *rig.measured_loops.files]
+    solenoid_files = [] if solenoid is None else [rig.path.parent / solenoid.file]
+    return [rig.path, *solenoid_files, *rig.measured_loops.files]

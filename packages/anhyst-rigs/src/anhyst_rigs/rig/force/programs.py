@@ -77,13 +77,16 @@ def count_differing_ticks(program: Program, session: FirmwareSession) -> int:
 
     Every tick uses the gap and the demand of the firmware, and the results must be bit-identical.
     """
-    core, first = FixedCompensator(program.block.kind, program.block.words), session.first_run_tick
+    core, first_tick = (
+        FixedCompensator(program.block.kind, program.block.words),
+        session.first_run_tick,
+    )
     if not session.is_demagnetised:
-        before = np.column_stack([session.drive[:first], session.gap[:first]])
-        for codes in before.tolist():
+        history = np.column_stack([session.drive[:first_tick], session.gap[:first_tick]])
+        for codes in history.tolist():
             core.commit_q31(*codes)
-    demand, gap = session.demand.astype(np.int32), session.gap[first:].astype(np.int32)
-    return int(np.count_nonzero(core.run(demand, gap, False) != session.drive[first:]))
+    demand, gap = session.demand.astype(np.int32), session.gap[first_tick:].astype(np.int32)
+    return int(np.count_nonzero(core.run(demand, gap, False) != session.drive[first_tick:]))
 
 
 MIN_DEAD_BAND_SIGMAS = 5.0
@@ -130,40 +133,40 @@ def identify_force_model(
       the largest measured force if this is larger. It never exceeds the largest measured force.
     - A model with eddy-current lag keeps the layers that can be compiled.
     """
-    several = len(loops.by_schedule()) > 1
+    has_several_gaps = len(loops.by_schedule()) > 1
     options = rig.settings.loops
-    model = identify_loops(loops, options, "circuit" if several else "auto", progress)
+    model = identify_loops(loops, options, "circuit" if has_several_gaps else "auto", progress)
     model = model if model.has_layers or model.has_lag else model.at_rest
     if options.dead_band:
         model = _with_min_dead_band(model, _min_dead_band(model, rig))
     valid = model.valid
     assert valid is not None
-    most = max(rig.settings.force.force_max_N, MIN_FULL_SCALE_SHARE * valid.output[1])
-    return replace(model, valid=replace(valid, output=(0.0, min(most, valid.output[1]))))
+    max_force = max(rig.settings.force.force_max_N, MIN_FULL_SCALE_SHARE * valid.output[1])
+    return replace(model, valid=replace(valid, output=(0.0, min(max_force, valid.output[1]))))
 
 
 def _with_min_dead_band(model: Model, least: float) -> Model:
     """Return a model whose dead band, if its law has one, has at least a given half-width, A/m."""
-    wide: dict[str, Parameter] = {}
+    widened: dict[str, Parameter] = {}
     for spec in model.operator_law.with_role("dead band"):
-        wide[spec.name] = map_parameter(
+        widened[spec.name] = map_parameter(
             model.parameters[spec.name], lambda value: max(value, least)
         )
-    return replace(model, parameters={**model.parameters, **wide}) if wide else model
+    return replace(model, parameters={**model.parameters, **widened}) if widened else model
 
 
 def _min_dead_band(model: Model, rig: ForceControlRig) -> float:
     """Return the half-width of the dead band that contains the position sensor's noise, A/m."""
     if not model.needs_schedule:
         return 0.0
-    sensor, still = rig.settings.gap_sensor, model.at_rest
+    sensor, static_model = rig.settings.gap_sensor, model.at_rest
     noise = math.hypot(sensor.noise_m, sensor.resolution / math.sqrt(12.0))
     force_max = rig.settings.force.force_max_N
-    largest = 0.0
+    max_change = 0.0
     for gap in model.nodes:
         for share in (0.25, 0.5, 0.75, 1.0):
             demand = np.full(2, share * force_max)
             gaps = np.array([gap, gap + noise])
-            field = still.invert(demand, gaps, history="demagnetised").field
-            largest = max(largest, abs(float(field[1] - field[0])))
-    return MIN_DEAD_BAND_SIGMAS * largest
+            field = static_model.invert(demand, gaps, history="demagnetised").field
+            max_change = max(max_change, abs(float(field[1] - field[0])))
+    return MIN_DEAD_BAND_SIGMAS * max_change
