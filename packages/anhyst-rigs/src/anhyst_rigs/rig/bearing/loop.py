@@ -108,10 +108,8 @@ def calibrated_magnets(
     calibration = rig.method_calibration(variant)
     if calibration is None or not calibration.is_applied:
         return [magnet]
-    widths, gap_zero = (
-        calibration.width_changes(len(rig.settings.body_magnets)),
-        calibration.value("gap_zero_m"),
-    )
+    widths = calibration.width_changes(len(rig.settings.body_magnets))
+    gap_zero = calibration.value("gap_zero_m")
     # the same range of gaps for both magnets of a pair
     gap_margin = 2.0 * abs(gap_zero) if len(widths) > 1 else 0.0
     return [

@@ -66,10 +66,8 @@ class LoadDrive:
         max_stiffness = mass * (2.0 * math.pi * load.bandwidth_Hz / 10.0) ** 2
         max_frequency = rig.settings.timing.rate_Hz / 4.0
         max_force = max(abs(load.force_N), mass * 9.81)
-        damping_doc, stiffness_doc = (
-            "damping that the load drive renders",
-            "stiffness that it renders about ",
-        )
+        damping_doc = "damping that the load drive renders"
+        stiffness_doc = "stiffness that it renders about "
         stiffness_doc += "the operating gap"
         amplitude_doc = "amplitude of a sine added to its force"
         self._knobs = Knobs(
@@ -306,10 +304,8 @@ class BearingBench(LockStepBench):
         numbers = np.arange(first_tick, first_tick + len(run), dtype=np.float64)
         rows = np.column_stack((numbers, run.table, self._firmware_columns(self._bus.take())))
         self.gap = float(run["gap_m"][-1])
-        self.state, self.fault = (
-            State(int(rows[-1, _STATE_COLUMN])),
-            Fault(int(rows[-1, _STATE_COLUMN + 2])),
-        )
+        self.state = State(int(rows[-1, _STATE_COLUMN]))
+        self.fault = Fault(int(rows[-1, _STATE_COLUMN + 2]))
         return rows
 
     def _firmware_columns(self, words: NDArray[np.uint32]) -> FloatArray:

@@ -61,10 +61,8 @@ def magnet_pulls(file: RigFile, run: Recording) -> dict[str, FloatArray]:
     """Return the pull of each magnet, N, from the signals of a simulated loop."""
     forces, poles = {}, file.magnet.poles
     for number, magnet in enumerate(file.body_magnets, 1):
-        density, gap = (
-            run[column_name("flux_density", "T", number)],
-            run[column_name("gap", "m", number)],
-        )
+        density = run[column_name("flux_density", "T", number)]
+        gap = run[column_name("gap", "m", number)]
         forces[column_name("pull", "N", number)] = poles.pull_force(
             density, gap, magnet.gap_m or file.gap_m
         )

@@ -187,10 +187,8 @@ class PiezoBench(CycleBench):
         loss = find_piezo_loss(rig, error, demand - reference)
         row_count = n if loss is None else loss.tick + 1
         self._past, self._triangle_height = path[n:], float(height[-1])
-        self._plant_ticks, self._path_ticks = (
-            self._plant_ticks + n,
-            self._path_ticks + n if is_running else 0,
-        )
+        self._plant_ticks = self._plant_ticks + n
+        self._path_ticks = self._path_ticks + n if is_running else 0
         for k, drive in enumerate(self._drives):
             in_force = k == int(self._values["compensation"])
             self._expected_displacements[k] = (
@@ -250,11 +248,9 @@ class PiezoBench(CycleBench):
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return all parameters, with the values that will be active in the next period."""
-        settings, case, values = (
-            self.rig.settings,
-            self.rig.settings.displacement_case,
-            self._values | self._staged,
-        )
+        settings = self.rig.settings
+        case = self.rig.settings.displacement_case
+        values = self._values | self._staged
         bandwidth, nominal_frequency = settings.displacement.bandwidth_Hz, case.frequency_Hz
         max_frequency = max(
             nominal_frequency, min(self.rate / 20.0, 0.25 / max(case.corner_s, self.rig.dt))

@@ -297,10 +297,8 @@ class StageBench(CycleBench):
             positions, accelerations, ahead = np.zeros(n + 1), np.zeros(n), np.zeros((n, 4))
         else:
             positions = course.position[tick : tick + n + 1]
-            accelerations, ahead = (
-                course.acceleration[tick : tick + n],
-                course.early_derivatives[tick : tick + n],
-            )
+            accelerations = course.acceleration[tick : tick + n]
+            ahead = course.early_derivatives[tick : tick + n]
         setup, gains = self._setup, self._gains[int(self._values["compensation"])]
         mass = setup.assumed_rig.settings.body.mass_kg
         mass_acceleration = ahead[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
@@ -323,10 +321,8 @@ class StageBench(CycleBench):
         signals, history, loss = self._simulate(place, stray, forward)
         row_count = len(history)
         rows = self._rows(row_count, *signals)
-        self._past_accelerations, self._course_tick = (
-            past[row_count : row_count + self._past_accelerations.size],
-            self._course_tick + row_count,
-        )
+        self._past_accelerations = past[row_count : row_count + self._past_accelerations.size]
+        self._course_tick = self._course_tick + row_count
         self._record_history(history)
         carry_over_ticks = round(CARRY_OVER_S / self.rig.dt)
         self._latest_history = np.concatenate([self._latest_history, history])[-carry_over_ticks:]

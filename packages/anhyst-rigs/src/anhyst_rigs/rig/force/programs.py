@@ -77,10 +77,8 @@ def count_differing_ticks(program: Program, session: FirmwareSession) -> int:
 
     Every tick uses the gap and the demand of the firmware, and the results must be bit-identical.
     """
-    core, first_tick = (
-        FixedCompensator(program.block.kind, program.block.words),
-        session.first_run_tick,
-    )
+    core = FixedCompensator(program.block.kind, program.block.words)
+    first_tick = session.first_run_tick
     if not session.is_demagnetised:
         history = np.column_stack([session.drive[:first_tick], session.gap[:first_tick]])
         for codes in history.tolist():

@@ -281,10 +281,8 @@ def make_law_magnet(
     ends = numbers["gap_low"], numbers["gap_high"]
     rows = np.column_stack([rows, poles.flux_density(rows[:, 2], np.linspace(*ends, len(rows)))])
     # Interpolate the table on a fine uniform grid by monotone cubics, which keep it monotone.
-    current, gap = (
-        np.linspace(0.0, numbers["current_high"], _TABLE_CURRENTS),
-        np.linspace(*ends, _TABLE_GAPS),
-    )
+    current = np.linspace(0.0, numbers["current_high"], _TABLE_CURRENTS)
+    gap = np.linspace(*ends, _TABLE_GAPS)
     psi = PchipInterpolator(table.current, table.psi, axis=1)(current)
     psi = np.ascontiguousarray(PchipInterpolator(table.gap, psi, axis=0)(gap))
     return Magnet(numbers, iron, rows, psi)
