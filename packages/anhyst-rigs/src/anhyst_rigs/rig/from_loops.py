@@ -134,15 +134,15 @@ def _fit_uncached(loops: Loops, table: MagnetTable) -> FittedPlant:
     fit = _StaticFit(thin_loops(slow, COARSE_SAMPLES), table)
     best = min(
         (fit.minimise(fit.initial_guess(pinning)) for pinning in PINNING_STARTS),
-        key=lambda trial: trial[0],
+        key=lambda result: result[0],
     )
     fit = _StaticFit(thin_loops(slow, FINE_SAMPLES), table)
-    _, at = fit.minimise(best[1])
-    turns = round(fit.turns(at))
+    _, parameters = fit.minimise(best[1])
+    turns = round(fit.turns(parameters))
     if table.turns is None:
         fit = _StaticFit(fit.loops, table.model_copy(update={"turns": turns}))
-        _, at = fit.minimise(fit.initial_guess(0.0))
-    fitted = fit.make_plant(at, table)
+        _, parameters = fit.minimise(fit.initial_guess(0.0))
+    fitted = fit.make_plant(parameters, table)
     return replace(fitted, solid=table.solid and _fit_solid(loops, fitted, table.solid))
 
 
@@ -165,9 +165,11 @@ def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
     if file.solenoid is not None or not file.magnet.has_iron_from_loops or file.iron is not None:
         return rig
     fitted = fit_magnet(loops, file.magnet)
-    whole = file.with_table_replaced(file.magnet, file.magnet.model_copy(update=fitted.magnet_keys))
+    completed = file.with_table_replaced(
+        file.magnet, file.magnet.model_copy(update=fitted.magnet_keys)
+    )
     irons = [*file.irons, fitted.steel]
-    return replace(rig, settings=whole.model_copy(update={"irons": irons}), fitted=fitted)
+    return replace(rig, settings=completed.model_copy(update={"irons": irons}), fitted=fitted)
 
 
 def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTable:
@@ -189,28 +191,34 @@ def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTab
             code="one-speed",
             key="magnet.solid",
         )
-    some = [loop for group in speeds.fast for loop in group]
-    fast = thin_loops(loops.with_loops(some), FAST_LOOP_SAMPLES * len(some))
-    top = largest_output(loops)
-    weight = 1.0 / (RELATIVE_DEVIATION_SIGMA * top * math.sqrt(sum(loop.n for loop in fast.loops)))
+    fast_loops = [loop for group in speeds.fast for loop in group]
+    fast = thin_loops(loops.with_loops(fast_loops), FAST_LOOP_SAMPLES * len(fast_loops))
+    max_force = largest_output(loops)
+    weight = 1.0 / (
+        RELATIVE_DEVIATION_SIGMA * max_force * math.sqrt(sum(loop.n for loop in fast.loops))
+    )
 
-    def table(at: FloatArray) -> SolidTable:
-        conductivity = given.conductivity_S_per_m or STEEL_CONDUCTIVITY_S_PER_M * math.exp(at[0])
-        path = given.path_m or fitted.poles.iron_length * _logistic(at[1])
+    def table(parameters: FloatArray) -> SolidTable:
+        conductivity = given.conductivity_S_per_m or STEEL_CONDUCTIVITY_S_PER_M * math.exp(
+            parameters[0]
+        )
+        path = given.path_m or fitted.poles.iron_length * _logistic(parameters[1])
         return given.model_copy(update={"conductivity_S_per_m": conductivity, "path_m": path})
 
-    def misses(at: FloatArray) -> FloatArray:
-        solid = table(at).make_solid_iron(fitted.poles.iron_length)
+    def misses(parameters: FloatArray) -> FloatArray:
+        solid = table(parameters).make_solid_iron(fitted.poles.iron_length)
         magnet = make_iron_magnet(fitted.poles, fitted.steel, solid=solid)
-        off = [
+        deviations = [
             simulate_loop_in_time(magnet, loop, fitted.zero_current)
             + fitted.zero_force
             - loop.output
             for loop in fast.loops
         ]
-        return np.concatenate([weight * np.concatenate(off), at / _LOG_CONDUCTIVITY_SIGMA])
+        return np.concatenate(
+            [weight * np.concatenate(deviations), parameters / _LOG_CONDUCTIVITY_SIGMA]
+        )
 
-    starts = (np.array([one, 0.0]) for one in LOG_CONDUCTIVITY_STARTS)
+    starts = (np.array([log_conductivity, 0.0]) for log_conductivity in LOG_CONDUCTIVITY_STARTS)
     start = min(starts, key=lambda at: float(np.sum(misses(at) ** 2)))
     return table(
         least_squares(misses, start, max_nfev=MAX_EVALUATIONS, diff_step=1e-3, xtol=1e-4).x
@@ -227,16 +235,16 @@ class _StaticFit:
         self._max_current = max(float(np.max(np.abs(loop.input))) for loop in loops.loops)
         expected = _parameter_priors(loops, table, self._max_force)
         self._names = tuple(expected)
-        self._prior_mean = np.array([middle for middle, _ in expected.values()])
-        self._prior_sigma = np.array([spread for _, spread in expected.values()])
+        self._prior_mean = np.array([mean for mean, _ in expected.values()])
+        self._prior_sigma = np.array([sigma for _, sigma in expected.values()])
         samples = sum(loop.n for loop in loops.loops)
         self._weight = 1.0 / (RELATIVE_DEVIATION_SIGMA * self._max_force * math.sqrt(samples))
 
     def initial_guess(self, pinning: float) -> FloatArray:
         """Return an initial guess in prior standard deviations from the prior mean."""
-        at = np.zeros(len(self._names))
-        at[self._names.index("pinning")] = pinning
-        return at
+        parameters = np.zeros(len(self._names))
+        parameters[self._names.index("pinning")] = pinning
+        return parameters
 
     def minimise(self, start: FloatArray) -> tuple[float, FloatArray]:
         """Return the smallest cost from an initial guess, and its parameters."""
@@ -311,11 +319,11 @@ class _StaticFit:
         magnet = make_iron_magnet(poles, steel)
         zero_current = values["zero_current"] * self._max_current
         zero_force = values["zero_force"] * self._max_force
-        misses = [
+        deviations = [
             simulate_loop(make_path_follower(magnet), loop, zero_current) + zero_force - loop.output
             for loop in self.loops.loops
         ]
-        return np.concatenate([self._weight * np.concatenate(misses), at])
+        return np.concatenate([self._weight * np.concatenate(deviations), at])
 
 
 def _parameter_priors(
@@ -343,13 +351,13 @@ def _parameter_priors(
         "zero_current": (0.0, 0.02),
         "zero_force": (0.0, 0.02),
     }
-    held = {
+    is_fixed = {
         "side": bool(width and depth),
         "turns": table.turns is not None,
         "leakage": table.leakage_H is not None,
         "joints": table.joints_m is not None,
     }
-    return {name: value for name, value in expected.items() if not held.get(name, False)}
+    return {name: value for name, value in expected.items() if not is_fixed.get(name, False)}
 
 
 def _estimate_turns_squared_area(loops: Loops) -> float:
@@ -357,9 +365,13 @@ def _estimate_turns_squared_area(loops: Loops) -> float:
     estimates = []
     for loop in loops.loops:
         assert loop.schedule is not None
-        high = float(np.max(loop.output))
-        some = (loop.output > 0.05 * high) & (loop.output < 0.4 * high) & (loop.input != 0.0)
-        estimates += (loop.output * (2.0 * loop.schedule / loop.input) ** 2 / MU_0)[some].tolist()
+        max_force = float(np.max(loop.output))
+        is_usable = (
+            (loop.output > 0.05 * max_force) & (loop.output < 0.4 * max_force) & (loop.input != 0.0)
+        )
+        estimates += (loop.output * (2.0 * loop.schedule / loop.input) ** 2 / MU_0)[
+            is_usable
+        ].tolist()
     return float(np.median(estimates)) if estimates else 1.0
 
 

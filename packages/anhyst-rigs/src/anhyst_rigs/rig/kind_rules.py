@@ -111,15 +111,19 @@ def allows_key(file: RigFile, key: str) -> bool:
 
 
 def _count_faults(file: RigFile) -> Iterator[FileFault]:
-    whose = file.kind.title
+    rig_title = file.kind.title
     for table, (row, key, title) in _TABLE_RULES.items():
-        places = [path for path, one in file.tables() if type(one) is table]
-        least, most = _count_limits(file, row)
-        if len(places) < least:
-            yield FileFault((key,), f"{whose} needs {title}; add one", code="missing")
-        elif len(places) > most:
-            text = f"{whose} does not use {title}" if not most else f"{whose} has only one of them"
-            yield FileFault(places[int(most)], f"{text}; remove it", code="not-for-this-kind")
+        places = [path for path, listed in file.tables() if type(listed) is table]
+        min_count, max_count = _count_limits(file, row)
+        if len(places) < min_count:
+            yield FileFault((key,), f"{rig_title} needs {title}; add one", code="missing")
+        elif len(places) > max_count:
+            text = (
+                f"{rig_title} does not use {title}"
+                if not max_count
+                else f"{rig_title} has only one of them"
+            )
+            yield FileFault(places[int(max_count)], f"{text}; remove it", code="not-for-this-kind")
     if _count_limits(file, _TABLE_RULES[SolenoidTable][0])[1] and len(file.magnets) != 1:
         text = "needs one magnet: with winding and poles, or a solenoid; correct it"
         yield FileFault(("magnet",), text, code="one-of-two")
@@ -146,35 +150,37 @@ def _presence_fault(
     file: RigFile, path: KeyPath, row: str, is_given: bool, needed: str
 ) -> Iterator[FileFault]:
     """Find a key that the kind of the file requires but lacks, or does not permit."""
-    whose, (least, most) = file.kind.title, _count_limits(file, row)
-    if least and not is_given:
-        text = f"{whose} {needed}" if needed else f"is missing, {whose} needs it; add it"
+    rig_title, (min_count, max_count) = file.kind.title, _count_limits(file, row)
+    if min_count and not is_given:
+        text = f"{rig_title} {needed}" if needed else f"is missing, {rig_title} needs it; add it"
         yield FileFault(path, text, code="missing")
-    if not most and is_given:
-        text = f"{whose} does not use it; remove it"
+    if not max_count and is_given:
+        text = f"{rig_title} does not use it; remove it"
         yield FileFault(path, text, code="not-for-this-kind")
 
 
 def _name_faults(file: RigFile) -> Iterator[FileFault]:
     names = [iron.name for iron in file.irons]
-    named = {one.iron for one in file.magnets if isinstance(one, MagnetTable)}
-    named -= {None, FROM_LOOPS}
+    used_irons = {listed.iron for listed in file.magnets if isinstance(listed, MagnetTable)}
+    used_irons -= {None, FROM_LOOPS}
     for number, name in enumerate(names):
         if name == FROM_LOOPS or name in names[:number]:
             text = f"'{name}' is already used; choose another name"
             yield FileFault(("iron", number, "name"), text, code="name-taken")
-        if named <= {*names} and name not in named:
+        if used_irons <= {*names} and name not in used_irons:
             text = f"no magnet uses '{name}'; remove it, or name it in a magnet"
             yield FileFault(("iron", number), text, code="not-used")
-    called = [magnet.name for magnet in file.magnets]
-    first = next((one for one in file.magnets if isinstance(one, MagnetTable)), None)
-    for number, name in enumerate(called):
-        if name in called[:number]:
+    magnet_names = [magnet.name for magnet in file.magnets]
+    first = next((listed for listed in file.magnets if isinstance(listed, MagnetTable)), None)
+    for number, name in enumerate(magnet_names):
+        if name in magnet_names[:number]:
             text = f"'{name}' is already used; choose another name"
             yield FileFault(("magnet", number, "name"), text, code="name-taken")
     for path, magnet in file.tables():
-        if isinstance(magnet, case_table.LossCase) and not set(magnet.magnets or []) <= {*called}:
-            text = f"there is no such [[magnet]]; name one or more of {', '.join(called)}"
+        if isinstance(magnet, case_table.LossCase) and not set(magnet.magnets or []) <= {
+            *magnet_names
+        }:
+            text = f"there is no such [[magnet]]; name one or more of {', '.join(magnet_names)}"
             yield FileFault((*path, "magnets"), text, code="unknown-name")
         if isinstance(magnet, MagnetTable) and magnet.iron not in (None, FROM_LOOPS, *names):
             text = f"there is no [[iron]] '{magnet.iron}'; correct it"

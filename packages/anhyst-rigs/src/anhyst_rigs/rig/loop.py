@@ -84,9 +84,9 @@ class Scenario:
 
     def slice_ticks(self, begin: int, end: int) -> Scenario:
         """Return the inputs of ticks begin to end (exclusive), without lift-off and steps."""
-        each = ("target", "load", "inject", "feed", "command")
-        ticks = {name: getattr(self, name)[begin:end] for name in each}
-        return Scenario(**ticks, frame=self.frame[begin : end + 1])
+        fields = ("target", "load", "inject", "feed", "command")
+        inputs = {name: getattr(self, name)[begin:end] for name in fields}
+        return Scenario(**inputs, frame=self.frame[begin : end + 1])
 
 
 class ClosedLoop:
@@ -112,8 +112,8 @@ class ClosedLoop:
         The recording is shorter if a value is not finite or the controller does not answer.
         """
         target, load, inject, feed = (
-            np.ascontiguousarray(one, dtype=np.float64).ravel()
-            for one in (scenario.target, scenario.load, scenario.inject, scenario.feed)
+            np.ascontiguousarray(signal, dtype=np.float64).ravel()
+            for signal in (scenario.target, scenario.load, scenario.inject, scenario.feed)
         )
         frame = np.ascontiguousarray(scenario.frame).ravel() if len(scenario.frame) else None
         rows = self._loop.run(target, load, inject, feed, scenario.command, frame)

@@ -63,8 +63,8 @@ LAW_KIND = "law"
 
 
 def _check_kind(kind: str) -> str:
-    if why := ACTUATORS.explain_unusable(kind):
-        raise InputError(why, code="not-installed")
+    if reason := ACTUATORS.explain_unusable(kind):
+        raise InputError(reason, code="not-installed")
     if kind not in (LAW_KIND, *ACTUATORS):
         names = ", ".join(f'"{name}"' for name in (*ACTUATORS, LAW_KIND))
         raise InputError(f"must be one of {names}; correct it", code="unknown-choice")
@@ -108,11 +108,11 @@ class MagnetTable(Table):
             raise InputError(
                 'solid belongs to kind "electromagnet"; remove it', code="not-for-this-kind"
             )
-        known = {} if self.kind == LAW_KIND else ACTUATORS[self.kind].numbers
-        for key in sorted(known.keys() - self.numbers):
-            text = f"needs numbers.{key}, {known[key]}; add it"
+        parameters = {} if self.kind == LAW_KIND else ACTUATORS[self.kind].numbers
+        for key in sorted(parameters.keys() - self.numbers):
+            text = f"needs numbers.{key}, {parameters[key]}; add it"
             raise InputError(text, code="missing")
-        for key in sorted(self.numbers.keys() - known):
+        for key in sorted(self.numbers.keys() - parameters):
             text = f'numbers.{key} is unknown for kind "{self.kind}"; remove it'
             raise InputError(text, code="not-for-this-kind")
         if self.has_iron_from_loops:
@@ -140,11 +140,13 @@ class MagnetTable(Table):
             return False
         if poles.outer is None:
             return not self.is_bidirectional
-        late = poles.turns**2 / poles.outer / poles.resistance if poles.outer > 0.0 else math.inf
-        known = math.isfinite(poles.bias) and math.isfinite(poles.spring)
+        time_constant = (
+            poles.turns**2 / poles.outer / poles.resistance if poles.outer > 0.0 else math.inf
+        )
+        is_finite = math.isfinite(poles.bias) and math.isfinite(poles.spring)
         return (
-            known
-            and 0.0 < late <= MAX_TIME_CONSTANT_S
+            is_finite
+            and 0.0 < time_constant <= MAX_TIME_CONSTANT_S
             and self.is_bidirectional == (poles.bias != 0.0)
         )
 

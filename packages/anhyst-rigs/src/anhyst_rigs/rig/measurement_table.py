@@ -135,8 +135,8 @@ class MeasuredLoops:
     @property
     def description(self) -> str:
         """First path, and the number of further ones, for messages."""
-        more = f" and {len(self.paths) - 1} more" if len(self.paths) > 1 else ""
-        return f"{self.paths[0]}{more}"
+        further_text = f" and {len(self.paths) - 1} more" if len(self.paths) > 1 else ""
+        return f"{self.paths[0]}{further_text}"
 
     @property
     def files(self) -> list[Path]:
@@ -200,15 +200,17 @@ def squared_misclosures(loops: Loops, models: Sequence[Model]) -> FloatArray:
     Each closing gives a row and each model a column. A value near 1 is noise. The first model must
     follow the loops.
     """
-    left: list[list[float]] = []
-    least = _MIN_RELATIVE_ERROR * largest_output(loops)
+    squared_errors: list[list[float]] = []
+    min_error = _MIN_RELATIVE_ERROR * largest_output(loops)
     for loop in loops.loops:
-        given = loop.input, loop.schedule, loop.time, loop.history
-        runs = [model.predict(*given).output for model in models]
+        inputs = loop.input, loop.schedule, loop.time, loop.history
+        runs = [model.predict(*inputs).output for model in models]
         for closing in find_closings(loop):
             if (measured := closing.measure_step(loop, runs[0])) is None:
                 continue
-            step, unsure = measured
-            off = [(step - closing.output_step(loop, run)) / max(unsure, least) for run in runs]
-            left.append([one**2 for one in off])
-    return np.array(left).reshape(-1, len(models))
+            step, sigma = measured
+            errors = [
+                (step - closing.output_step(loop, run)) / max(sigma, min_error) for run in runs
+            ]
+            squared_errors.append([error**2 for error in errors])
+    return np.array(squared_errors).reshape(-1, len(models))

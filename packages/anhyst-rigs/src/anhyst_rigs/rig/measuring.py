@@ -55,9 +55,9 @@ def conditioning_path(campaign: MeasurementTable) -> list[float]:
 
     The lowest one is zero if no record goes below zero.
     """
-    least = min(0.0, *(turn for record in campaign.records for turn in record.turns))
+    lowest_ratio = min(0.0, *(turn for record in campaign.records for turn in record.turns))
     high = campaign.current_max_A
-    return [high, least * high] * campaign.conditioning_cycles
+    return [high, lowest_ratio * high] * campaign.conditioning_cycles
 
 
 def measure_path(
@@ -77,15 +77,17 @@ def measure_stack_displacement(
     """Return the readings of a piezo stage, m, along voltages, V, after long rest at 0 V."""
     sensor = rig.settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(seed).standard_normal(voltage.size)
-    read = rig.make_motion(sample).run(voltage) + noise
-    if not np.abs(read).max() < 1.0:
+    readings = rig.make_motion(sample).run(voltage) + noise
+    if not np.abs(readings).max() < 1.0:
         raise InputError(
             f"{rig.path}: stack[1]: extends beyond 1 m in the measurement of its loops; correct "
             "its parameters",
             code="stack-leaves-all-bounds",
             key="stack[1]",
         )
-    return np.asarray(np.round(read / sensor.step_m) * sensor.step_m if sensor.step_m else read)
+    return np.asarray(
+        np.round(readings / sensor.step_m) * sensor.step_m if sensor.step_m else readings
+    )
 
 
 SAMPLES_PER_FAST_CYCLE = 200
@@ -105,14 +107,18 @@ def measure_at_gap(
     With `fast_rates`, A/s, all records are measured in time, and full cycles at each rate are
     added.
     """
-    gap, past, high = campaign.gaps_m[index], conditioning_path(campaign), campaign.current_max_A
-    pace, sample_s = campaign.sweep_A_per_s, campaign.sample_s
+    gap, conditioning, high = (
+        campaign.gaps_m[index],
+        conditioning_path(campaign),
+        campaign.current_max_A,
+    )
+    sweep_rate, sample_s = campaign.sweep_A_per_s, campaign.sample_s
     runs = [
-        (record.name, [high * turn for turn in record.turns], pace, sample_s)
+        (record.name, [high * turn for turn in record.turns], sweep_rate, sample_s)
         for record in campaign.records
     ]
     cycles = [0.0, *[high, 0.0] * FAST_CYCLES]
-    short, whole = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
+    rounded_gap, exact_gap = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
     runs += [
         (f"{speed:g}A/s", cycles, speed, 2.0 * high / (speed * SAMPLES_PER_FAST_CYCLE))
         for speed in fast_rates
@@ -120,19 +126,19 @@ def measure_at_gap(
     loops = []
     for number, (name, turns, speed, sample) in enumerate(runs):
         specimen = held.magnet() if magnet is None else magnet
-        for turn in past:
+        for turn in conditioning:
             specimen.hold(turn, gap)
         path, sensors = sweep_path(turns, speed * sample), held.sensors([index, number], sample)
         current, force = measure_path(
             specimen, sensors, gap, path, sample if fast_rates else math.inf
         )
         loop = Loop(
-            label=f"{(short if float(short) == float(whole) else whole)}mm-{name}",
+            label=f"{(rounded_gap if float(rounded_gap) == float(exact_gap) else exact_gap)}mm-{name}",
             input=current,
             output=force,
             schedule=np.full(path.size, gap),
             time=np.arange(path.size, dtype=np.float64) * sample if fast_rates else None,
-            history=History("conditioned", (0.0, *past)),
+            history=History("conditioned", (0.0, *conditioning)),
         )
         loops.append(loop)
     return loops
@@ -152,11 +158,11 @@ class HeldBearing:
         """Return the sensors for a sampling time, s; the seed of the rig file is added."""
         settings = self._rig.settings
         current, force = settings.current_sensor, settings.force_sensor
-        own = [settings.seed, *seed]
+        own_seed = [settings.seed, *seed]
         shunt = current.plant_parameters(sample) | {"share": 1.0}  # no low-pass for slow loops
         return {
-            "current": NoisySensor(shunt, [*own, 0]),
-            "force": NoisySensor(force.plant_parameters(sample), [*own, 1]),
+            "current": NoisySensor(shunt, [*own_seed, 0]),
+            "force": NoisySensor(force.plant_parameters(sample), [*own_seed, 1]),
         }
 
 
@@ -189,7 +195,7 @@ def measure_loops(rig: BodyRig) -> Loops:
     places = range(len(campaign.gaps_m))
     fast = campaign.fast_A_per_s
     loops = [
-        loop for one in places for loop in measure_at_gap(held, campaign, one, fast_rates=fast)
+        loop for place in places for loop in measure_at_gap(held, campaign, place, fast_rates=fast)
     ]
     output = QUANTITIES[rig.settings.magnet.output]
     return Loops(tuple(loops), QUANTITIES["current"], output, QUANTITIES["gap"])

@@ -50,42 +50,53 @@ class Closing:
         The misclosure is estimated from the residuals of a model that follows the loop. They are
         assumed to be linear within the window.
         """
-        window, distances, left = _WINDOW_SHARE * float(np.ptp(loop.input)), [], []
+        window, distances, residuals = _WINDOW_SHARE * float(np.ptp(loop.input)), [], []
         for rows, side in ((self.before, 0.0), (self.after, self.after_side)):
             distance = (loop.input[rows] - self.closing_input) / window
-            near = (np.abs(distance) <= 1.0) & (side * distance >= 0.0)
-            if np.count_nonzero(near) < _MIN_SAMPLES:
+            is_near = (np.abs(distance) <= 1.0) & (side * distance >= 0.0)
+            if np.count_nonzero(is_near) < _MIN_SAMPLES:
                 return None
-            distances.append(distance[near])
-            left.append((loop.output - model_output)[rows][near])
-        stepped = np.repeat([0.0, 1.0], [on_side.size for on_side in distances])
-        along = np.concatenate(distances)
-        terms = np.column_stack([np.ones_like(along), along, stepped])
-        coefficients, squares, _, _ = np.linalg.lstsq(terms, np.concatenate(left))
-        if squares.size == 0:
+            distances.append(distance[is_near])
+            residuals.append((loop.output - model_output)[rows][is_near])
+        is_after = np.repeat([0.0, 1.0], [samples.size for samples in distances])
+        relative_input = np.concatenate(distances)
+        terms = np.column_stack([np.ones_like(relative_input), relative_input, is_after])
+        coefficients, squared_sum, _, _ = np.linalg.lstsq(terms, np.concatenate(residuals))
+        if squared_sum.size == 0:
             return None
-        spread = float(squares[0]) / (along.size - 3) * float(np.linalg.inv(terms.T @ terms)[2, 2])
-        return float(coefficients[2]) + self.output_step(loop, model_output), math.sqrt(spread)
+        variance = (
+            float(squared_sum[0])
+            / (relative_input.size - 3)
+            * float(np.linalg.inv(terms.T @ terms)[2, 2])
+        )
+        return float(coefficients[2]) + self.output_step(loop, model_output), math.sqrt(variance)
 
 
 def find_closings(loop: Loop) -> Iterator[Closing]:
     """Yield all points at which minor loops of a record close."""
     drive, span = loop.input, float(np.ptp(loop.input))
     turns = find_turning_points(drive, _RETURN_TOLERANCE / 2.0 * span)
-    ways = [slice(begin, end + 1) for begin, end in itertools.pairwise(turns.tolist())]
-    open_: list[int] = []
+    branches = [slice(begin, end + 1) for begin, end in itertools.pairwise(turns.tolist())]
+    open_reversals: list[int] = []
     for number, end in enumerate(drive[turns[1:]].tolist(), start=1):
-        up = math.copysign(1.0, end - drive[turns[number - 1]])
-        while len(open_) > 1:
-            first = open_[-2]
-            at = float(drive[turns[first]])
-            ahead = up * (end - at) / span
-            if ahead < -_RETURN_TOLERANCE:
+        direction = math.copysign(1.0, end - drive[turns[number - 1]])
+        while len(open_reversals) > 1:
+            opening = open_reversals[-2]
+            opening_input = float(drive[turns[opening]])
+            overshoot = direction * (end - opening_input) / span
+            if overshoot < -_RETURN_TOLERANCE:
                 break
-            passed = int(ahead > _RETURN_TOLERANCE)  # otherwise it reverses again at the same point
-            if number - passed < len(ways):
-                yield Closing(at, ways[first - passed], ways[number - passed], passed * up)
-            del open_[-2:]
-            if not passed:
+            has_passed = int(
+                overshoot > _RETURN_TOLERANCE
+            )  # otherwise it reverses again at the same point
+            if number - has_passed < len(branches):
+                yield Closing(
+                    opening_input,
+                    branches[opening - has_passed],
+                    branches[number - has_passed],
+                    has_passed * direction,
+                )
+            del open_reversals[-2:]
+            if not has_passed:
                 break
-        open_.append(number)
+        open_reversals.append(number)

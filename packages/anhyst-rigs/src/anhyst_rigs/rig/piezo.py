@@ -89,9 +89,9 @@ class PiezoRig:
         and the phase slope of the resonance at low frequency.
         """
         flexure = self.settings.flexure
-        rounded = 2.0 * flexure.damping_ratio / (2.0 * np.pi * flexure.resonance_Hz)
-        late = self.settings.stack_amplifier.time_constant_s
-        return 1.5 / self.settings.timing.rate_Hz + late + rounded
+        resonance_delay = 2.0 * flexure.damping_ratio / (2.0 * np.pi * flexure.resonance_Hz)
+        amplifier_delay = self.settings.stack_amplifier.time_constant_s
+        return 1.5 / self.settings.timing.rate_Hz + amplifier_delay + resonance_delay
 
     def make_loop(self, plant: PiezoRig, drive: ForceController) -> PiezoLoop:
         """Return a plant after a long rest at 0 V with the controller of this rig."""
@@ -118,10 +118,10 @@ def read_piezo_rig(path: PathLike) -> PiezoRig:
 
 def copy_at_rest(inverse: ForceController) -> ForceController:
     """Return a reset inverse with the same parameters, for a stack after long rest at 0 V."""
-    fresh = inverse.reset_copy()
-    if fresh.format == "fixed":
-        fresh.native.commit(0, 0)
-    return fresh
+    copy = inverse.reset_copy()
+    if copy.format == "fixed":
+        copy.native.commit(0, 0)
+    return copy
 
 
 def notch_parameters(file: RigFile) -> dict[str, float]:
@@ -179,8 +179,8 @@ def round_corners(path: FloatArray, width: int) -> FloatArray:
     The path passes twice through a moving average over half this width, which removes oscillations
     with a whole number of periods in it.
     """
-    half = np.ones(max(1, width // 2)) / max(1, width // 2)
-    return np.asarray(np.convolve(np.convolve(path, half), half)[width : len(path)])
+    kernel = np.ones(max(1, width // 2)) / max(1, width // 2)
+    return np.asarray(np.convolve(np.convolve(path, kernel), kernel)[width : len(path)])
 
 
 def find_piezo_loss(rig: PiezoRig, error: FloatArray, correction: FloatArray) -> Loss | None:

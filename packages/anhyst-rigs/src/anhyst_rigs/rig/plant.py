@@ -35,14 +35,14 @@ def make_plant(
 
     The parameters default to those of the rig. Magnets that are not given equal the first one.
     """
-    own = magnets or (rig.magnet,)
+    given_magnets = magnets or (rig.magnet,)
     parameters = parameters or plant_parameters(rig)
     return Plant(
         parameters.body,
         parameters.actuators,
         parameters.heads,
         parameters.load,
-        (*own, *(own[0] for _ in parameters.actuators[len(own) :])),
+        (*given_magnets, *(given_magnets[0] for _ in parameters.actuators[len(given_magnets) :])),
         noise_seed(rig, seed),
     )
 
@@ -100,18 +100,18 @@ def plant_parameters(rig: BodyRig) -> PlantParameters:
 def _coordinates(rig: BodyRig) -> list[dict[str, float]]:
     """Return the free coordinates of a body with their end stops."""
     body, omega = rig.settings.body, 2.0 * math.pi * STOP_RESONANCE_HZ
-    moved = [*[body.mass_kg] * 3, *(body.inertia_kg_m2 or [0.0, 0.0, 0.0])]
+    inertias = [*[body.mass_kg] * 3, *(body.inertia_kg_m2 or [0.0, 0.0, 0.0])]
     return [
         {
-            "axis": one.axis,
-            "rest": one.rest,
-            "damping": body.damping_N_s_per_m if one.axis < 3 else 0.0,
-            "stop_low": one.low,
-            "stop_high": one.high,
-            "stop_stiffness": moved[one.axis] * (omega * omega),
-            "stop_damping": moved[one.axis] * omega,
+            "axis": coordinate.axis,
+            "rest": coordinate.rest,
+            "damping": body.damping_N_s_per_m if coordinate.axis < 3 else 0.0,
+            "stop_low": coordinate.low,
+            "stop_high": coordinate.high,
+            "stop_stiffness": inertias[coordinate.axis] * (omega * omega),
+            "stop_damping": inertias[coordinate.axis] * omega,
         }
-        for one in rig.lines_of_action.coordinates
+        for coordinate in rig.lines_of_action.coordinates
     ]
 
 
@@ -136,15 +136,15 @@ def current_controller_gains(rig: BodyRig) -> tuple[float, float]:
     settings = rig.settings
     omega = 2.0 * math.pi * settings.amplifier.bandwidth_Hz
     if settings.amplifier.mode == "voltage":
-        late = rig.loop_delay + settings.amplifier.delay_s
-        omega = min(omega, CROSSOVER_DELAY_PHASE_RAD / late)
+        delay = rig.loop_delay + settings.amplifier.delay_s
+        omega = min(omega, CROSSOVER_DELAY_PHASE_RAD / delay)
     gain = omega * settings.magnet.poles.inductance(settings.gap_m)
     return gain, INTEGRAL_CORNER_RATIO * omega * gain
 
 
 def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
     file, body, timing = rig.settings, rig.settings.body, rig.settings.timing
-    late = timing.delay_ticks * timing.substeps + file.amplifier.delay_s / rig.substep
+    delay_substeps = timing.delay_ticks * timing.substeps + file.amplifier.delay_s / rig.substep
     return {
         "coordinate": _coordinates(rig),
         "mass": body.mass_kg,
@@ -160,7 +160,7 @@ def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
         },
         "tick": rig.dt,
         "substeps": timing.substeps,
-        "delay": round(late),
+        "delay": round(delay_substeps),
     }
 
 
@@ -210,14 +210,14 @@ def _sensors(rig: BodyRig) -> dict[str, Mapping[str, float]]:
 def _ideal_sensor(ends: tuple[float, float], noise: float) -> dict[str, float]:
     """Return a sensor without converter, lag, gain error and offset."""
     low, high = ends
-    rest = {
+    constants = {
         "gain": 1.0,
         "share": first_order_share(math.inf),
         "step": 0.0,
         "offset": 0.0,
         "delay": 0,
     }
-    return {"low": low, "high": high, "noise": noise, **rest}
+    return {"low": low, "high": high, "noise": noise, **constants}
 
 
 def _low_pass_share(bandwidth: float, seconds: float) -> float:

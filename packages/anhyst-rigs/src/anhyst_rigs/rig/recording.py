@@ -141,27 +141,27 @@ def peak_deviation(deviation: FloatArray) -> float:
 def moving_statistics(deviation: FloatArray, ticks: int) -> tuple[FloatArray, FloatArray]:
     """Return mean and standard deviation over all windows of a number of ticks."""
     sums = np.cumsum(np.concatenate([[0.0], deviation]))
-    squares = np.cumsum(np.concatenate([[0.0], deviation**2]))
+    squared_sums = np.cumsum(np.concatenate([[0.0], deviation**2]))
     mean = (sums[ticks:] - sums[:-ticks]) / ticks
-    square = (squares[ticks:] - squares[:-ticks]) / ticks
-    return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
+    mean_square = (squared_sums[ticks:] - squared_sums[:-ticks]) / ticks
+    return mean, np.sqrt(np.maximum(mean_square - mean**2, 0.0))
 
 
 def settling_tick(deviation: FloatArray, band: float) -> int:
     """Return the tick after which a deviation stays within a band; its length if it never does."""
-    outside = np.flatnonzero(np.abs(deviation) > band)
-    return int(outside[-1]) + 1 if outside.size else 0
+    outside_ticks = np.flatnonzero(np.abs(deviation) > band)
+    return int(outside_ticks[-1]) + 1 if outside_ticks.size else 0
 
 
 def find_loss(bounds: Sequence[SignalBound], planned: int) -> Loss | None:
     """Return the first loss of control in a run of `planned` ticks; None if there is none."""
     losses = []
     for bound in bounds:
-        within = (bound.values > bound.low) & (bound.values < bound.high)  # False for NaN
-        if not within.all():
-            tick = int(np.argmin(within))
+        is_within = (bound.values > bound.low) & (bound.values < bound.high)  # False for NaN
+        if not is_within.all():
+            tick = int(np.argmin(is_within))
             finite = np.isfinite(bound.values[tick])
             losses.append(Loss(tick, bound.reason if finite else "a value was not finite"))
-        if len(within) < planned:
-            losses.append(Loss(len(within), "the simulation diverged"))
+        if len(is_within) < planned:
+            losses.append(Loss(len(is_within), "the simulation diverged"))
     return min(losses, key=lambda loss: loss.tick, default=None)

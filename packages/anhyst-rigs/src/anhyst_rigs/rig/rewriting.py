@@ -21,8 +21,8 @@ def rewrite_rig(source: PathLike, out: PathLike, changes: Mapping[KeyPath, Any],
     check_writable(out, [source])
     file = TomlFile(source)
     text = file.text.splitlines()
-    last = {line: key for key, line in file.lines.items()}  # last key of an inline table
-    notes = {key: split_comment(text[line - 1]) for line, key in last.items()}
+    last_keys = {line: key for key, line in file.lines.items()}  # last key of an inline table
+    notes = {key: split_comment(text[line - 1]) for line, key in last_keys.items()}
     head = [line for line in _head_comments(text) if line.startswith("#")]
     values = {**_relocated_paths(file, Path(source), Path(out)), **changes}
     for path, value in values.items():
@@ -40,9 +40,11 @@ def _relocated_paths(file: TomlFile, source: Path, out: Path) -> dict[KeyPath, A
 
     paths: dict[KeyPath, Any] = {}
     for path in (("loops", "files"), ("loops", "sidecar"), ("control", "calibration")):
-        named = file.content.get(path[0], {}).get(path[1])
-        if named is not None:
-            paths[path] = [seen(one) for one in named] if isinstance(named, list) else seen(named)
+        names = file.content.get(path[0], {}).get(path[1])
+        if names is not None:
+            paths[path] = (
+                [seen(file_name) for file_name in names] if isinstance(names, list) else seen(names)
+            )
     return paths
 
 

@@ -42,17 +42,17 @@ class DigitisedSensorTable(Table):
 
         A key of the file is the name of the field with its unit.
         """
-        given = {key.rpartition("_")[0]: value for key, value in self if isinstance(value, float)}
-        if (top := given.pop("range", None)) is not None:
-            given |= {"low": -top, "high": top}
-        if "step" not in given:
+        fields = {key.rpartition("_")[0]: value for key, value in self if isinstance(value, float)}
+        if (limit := fields.pop("range", None)) is not None:
+            fields |= {"low": -limit, "high": limit}
+        if "step" not in fields:
             assert self.adc_bits is not None
-            given["step"] = (given["high"] - given["low"]) / ((1 << self.adc_bits) - 1)
-        low_pass, delay = 2.0 * math.pi * given.pop("bandwidth"), given.pop("delay", 0.0)
-        given["gain"] = 1.0 + given.get("gain", 0.0)
+            fields["step"] = (fields["high"] - fields["low"]) / ((1 << self.adc_bits) - 1)
+        low_pass, delay = 2.0 * math.pi * fields.pop("bandwidth"), fields.pop("delay", 0.0)
+        fields["gain"] = 1.0 + fields.get("gain", 0.0)
         return {
             "offset": 0.0,
-            **given,
+            **fields,
             "share": first_order_share(low_pass * seconds),
             "delay": round(delay / seconds),
         }
@@ -89,11 +89,11 @@ class GapSensorTable(DigitisedSensorTable):
             raise InputError(
                 "step_m and adc_bits both give the resolution; keep one", code="both-given"
             )
-        left_out = {*GAP_SENSOR_DEFAULTS[self.kind]} - self.model_fields_set
+        missing_keys = {*GAP_SENSOR_DEFAULTS[self.kind]} - self.model_fields_set
         if self.step_m is not None or self.adc_bits is not None:
-            left_out -= _RESOLUTION_KEYS
+            missing_keys -= _RESOLUTION_KEYS
         # Set without validation, because the defaults do not count as keys of the file.
-        self.__dict__.update({key: GAP_SENSOR_DEFAULTS[self.kind][key] for key in left_out})
+        self.__dict__.update({key: GAP_SENSOR_DEFAULTS[self.kind][key] for key in missing_keys})
         return self
 
     @property

@@ -141,8 +141,8 @@ class CellSteel(AnySteel):
     ) -> dict[str, float]:
         """Return the changed keys of a drifted iron, for relative changes of each quantity."""
         fraction = min(self.reversible_fraction * (1.0 + reversible), 1.0)
-        own = super().drifted_keys(pinning, reversible, saturation)
-        return {"reversible_fraction": fraction, **own}
+        common_keys = super().drifted_keys(pinning, reversible, saturation)
+        return {"reversible_fraction": fraction, **common_keys}
 
 
 _CHECK_FIELD_RATIOS = np.concatenate(([0.0], np.geomspace(1e-3, 1e3, 2000)))
@@ -195,8 +195,8 @@ class DuhemSteel(AnySteel):
 
     def _check_stability(self) -> None:
         saturation = self.saturation_sharp_T + self.saturation_slow_T
-        turn = self.turning_T / saturation
-        if self.fading * (1.0 + 2.0 * turn + 2.0 * turn * turn) > 1.0:
+        turning_ratio = self.turning_T / saturation
+        if self.fading * (1.0 + 2.0 * turning_ratio + 2.0 * turning_ratio * turning_ratio) > 1.0:
             raise InputError(
                 f"fading: {self.fading:g} with a turning of {self.turning_T:g} T lets minor loops "
                 "release energy; lower one of them",
@@ -204,8 +204,8 @@ class DuhemSteel(AnySteel):
                 key="fading",
             )
         polarisation, slope = self.curve(_CHECK_FIELD_RATIOS * self.knee_sharp_A_per_m)
-        falls = 2.0 * self.coercivity_A_per_m * self.fading / saturation**2
-        if np.max(falls * (polarisation - self.turning_T) * slope) > 0.9:
+        coercivity_slope = 2.0 * self.coercivity_A_per_m * self.fading / saturation**2
+        if np.max(coercivity_slope * (polarisation - self.turning_T) * slope) > 0.9:
             raise InputError(
                 f"coercivity: {self.coercivity_A_per_m:g} A/m fades too fast for a knee of "
                 f"{self.knee_sharp_A_per_m:g} A/m; lower it or fading, or raise knee_sharp",
@@ -252,9 +252,11 @@ class PreisachSteel(AnySteel):
     def density(self, pinning: FloatArray, bias: FloatArray) -> FloatArray:
         """Return the density of relays over pinning and bias, up to a constant factor."""
         scatter = self.bias_A_per_m + self.bias_by_pinning * pinning
-        ways = log(pinning / self.pinning_A_per_m) / self.pinning_spread
-        across = bias / scatter
-        density: FloatArray = exp(-0.5 * (ways * ways + across * across)) / (pinning * scatter)
+        log_deviation = log(pinning / self.pinning_A_per_m) / self.pinning_spread
+        bias_deviation = bias / scatter
+        density: FloatArray = exp(
+            -0.5 * (log_deviation * log_deviation + bias_deviation * bias_deviation)
+        ) / (pinning * scatter)
         return density
 
     def make_steel(self) -> Steel:
@@ -284,10 +286,14 @@ def node_fields(steel: PreisachSteel) -> FloatArray:
 
 def everett_table(steel: PreisachSteel, is_pinned: bool) -> FloatArray:
     """Return the polarisation change between any two nodes, T, shape (nodes, nodes)."""
-    at = node_fields(steel)
-    inside = _relay_weights(steel, at) if is_pinned else np.diag(_unpinned_relay_weights(steel, at))
+    fields = node_fields(steel)
+    cell_weights = (
+        _relay_weights(steel, fields)
+        if is_pinned
+        else np.diag(_unpinned_relay_weights(steel, fields))
+    )
     rising = np.zeros((EVERETT_NODES, EVERETT_NODES))
-    from_below = np.cumsum(inside[::-1], axis=0)[::-1]
+    from_below = np.cumsum(cell_weights[::-1], axis=0)[::-1]
     rising[:-1, 1:] = np.triu(np.cumsum(from_below, axis=1))
     rising *= 2.0 * steel.saturation_T / rising[0, -1]
     return rising - rising.T
@@ -302,24 +308,24 @@ def _relay_weights(steel: PreisachSteel, at: FloatArray) -> FloatArray:
     quarter = 0.25 * np.diff(at)
     middle = at[:-1] + 2.0 * quarter
     down, up = np.triu_indices(middle.size, 1)
-    inside = np.zeros((middle.size, middle.size))
+    cell_weights = np.zeros((middle.size, middle.size))
     for below in (-1.0, 1.0):
         for above in (-1.0, 1.0):
             low = middle[down] + below * quarter[down]
             high = middle[up] + above * quarter[up]
-            inside[down, up] += steel.density(0.5 * (high - low), 0.5 * (high + low))
-    inside[down, up] *= 4.0 * quarter[down] * quarter[up]
-    alone = steel.density(quarter * (2.0 / 3.0), middle)
-    np.fill_diagonal(inside, 8.0 * quarter * quarter * alone)
-    return inside
+            cell_weights[down, up] += steel.density(0.5 * (high - low), 0.5 * (high + low))
+    cell_weights[down, up] *= 4.0 * quarter[down] * quarter[up]
+    diagonal_density = steel.density(quarter * (2.0 / 3.0), middle)
+    np.fill_diagonal(cell_weights, 8.0 * quarter * quarter * diagonal_density)
+    return cell_weights
 
 
 def _unpinned_relay_weights(steel: PreisachSteel, at: FloatArray) -> FloatArray:
     """Return the weight of relays with a bias between two nodes, summed over all pinning."""
-    middle, slope = 0.5 * (at[1:] + at[:-1]), np.zeros(at.size - 1)
+    bias, slope = 0.5 * (at[1:] + at[:-1]), np.zeros(at.size - 1)
     for spread in np.linspace(-3.0, 3.0, 61).tolist():
-        pinning = steel.pinning_A_per_m * exp(np.full(middle.size, spread * steel.pinning_spread))
-        slope += pinning * steel.density(pinning, middle)
+        pinning = steel.pinning_A_per_m * exp(np.full(bias.size, spread * steel.pinning_spread))
+        slope += pinning * steel.density(pinning, bias)
     return slope * np.diff(at)
 
 

@@ -114,8 +114,8 @@ class SolidIron:
         """Return each volume's share of the cross-section, and its eddy-current drag, A s/(m T)."""
         width = np.geomspace(1.0, _VOLUME_WIDTH_RATIO, self.volumes)
         width /= width.sum()
-        apart = 0.5 * np.append(width[0], width[1:] + width[:-1])
-        return width, self.conductivity * self.depth**2 * apart
+        distances = 0.5 * np.append(width[0], width[1:] + width[:-1])
+        return width, self.conductivity * self.depth**2 * distances
 
 
 _VOLUME_WIDTH_RATIO = 6.0
@@ -193,9 +193,9 @@ def read_flux_table(path: PathLike) -> FluxTable:
             )
         numbers[cell] = number
     _check_full(table.path, gaps, currents, numbers)
-    made = FluxTable(currents, gaps, psi[numbers])
-    _check_monotone(table, made, numbers)
-    return made
+    flux_table = FluxTable(currents, gaps, psi[numbers])
+    _check_monotone(table, flux_table, numbers)
+    return flux_table
 
 
 def check_flux_range(
@@ -224,28 +224,30 @@ def _check_full(
 ) -> None:
     holes = np.argwhere(numbers < 0)
     if len(holes):
-        first = _point_text(gaps[holes[0, 0]], currents[holes[0, 1]])
-        more = f" and at {len(holes) - 1} other points" if len(holes) > 1 else ""
+        first_hole = _point_text(gaps[holes[0, 0]], currents[holes[0, 1]])
+        further_text = f" and at {len(holes) - 1} other points" if len(holes) > 1 else ""
         raise InputError(
-            f"{path}: has a hole at {first}{more}; {gaps.size} gaps and {currents.size} currents "
+            f"{path}: has a hole at {first_hole}{further_text}; {gaps.size} gaps and {currents.size} currents "
             "must form a full grid; add the missing points",
             code="grid-has-holes",
         )
 
 
 def _check_monotone(table: DataTable, made: FluxTable, numbers: NDArray[np.int_]) -> None:
-    flat = np.add(np.argwhere(np.diff(made.psi, axis=1) <= 0.0), (0, 1))
-    widens = np.add(np.argwhere(np.diff(made.psi[:, 1:], axis=0) >= 0.0), (1, 1))
+    flat_places = np.add(np.argwhere(np.diff(made.psi, axis=1) <= 0.0), (0, 1))
+    rising_places = np.add(np.argwhere(np.diff(made.psi[:, 1:], axis=0) >= 0.0), (1, 1))
     for places, text in (
         (np.argwhere(made.psi[:, :1] != 0.0), "psi is not 0 without current"),
-        (flat, "psi does not rise with the current"),
-        (widens, "psi does not fall as the gap opens"),
+        (flat_places, "psi does not rise with the current"),
+        (rising_places, "psi does not fall as the gap opens"),
     ):
         if len(places):
             g, i = places[0].tolist()
             point = _point_text(made.gap[g], made.current[i])
-            where = table.locate_row(int(numbers[g, i]))
-            raise InputError(f"{where}: {text} at {point}; correct this point", code="not-monotone")
+            location = table.locate_row(int(numbers[g, i]))
+            raise InputError(
+                f"{location}: {text} at {point}; correct this point", code="not-monotone"
+            )
 
 
 def _point_text(gap: float, current: float) -> str:
@@ -259,7 +261,7 @@ def make_flux_table(
     current = np.linspace(0.0, current_high, _TABLE_CURRENTS)
     gap = np.linspace(*gaps, _TABLE_GAPS)
     magnet = Magnet(circuit_parameters(poles, 0.0, float(gap[0])), steel.make_anhysteretic_steel())
-    psi = [Coil(magnet).run(current, np.full(current.size, at))[:, 1] for at in gap]
+    psi = [Coil(magnet).run(current, np.full(current.size, one_gap))[:, 1] for one_gap in gap]
     return FluxTable(current, gap, np.array(psi))
 
 

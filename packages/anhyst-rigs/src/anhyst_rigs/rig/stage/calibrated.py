@@ -19,10 +19,12 @@ HOLD_TIME_S = 0.02
 
 def assumed_rig(rig: BodyRig, values: Mapping[ParameterName, float]) -> BodyRig:
     """Return the stage with the mass and centre of mass that the controller assumes."""
-    body, off = rig.settings.body, [values.get(name, 0.0) for name in CENTRE_PARAMETERS]
+    body, shift = rig.settings.body, [values.get(name, 0.0) for name in CENTRE_PARAMETERS]
     changes = {
         "body.mass_kg": body.mass_kg * (1.0 + values.get("payload", 0.0)),
-        "body.centre_m": [one + by for one, by in zip(body.centre_m, off, strict=True)],
+        "body.centre_m": [
+            coordinate + change for coordinate, change in zip(body.centre_m, shift, strict=True)
+        ],
     }
     return replace(rig, settings=rig.settings.with_changes(changes))
 
@@ -51,7 +53,7 @@ def correction_rows(
 
 def current_per_root_force(compensator: ForceController, rig: BodyRig) -> float:
     """Return current over the root of the force, A/N^(1/2), at half of the largest force."""
-    force, held = 0.5 * rig.settings.tracking.force_max_N, compensator.reset_copy()
+    force, compensator_copy = 0.5 * rig.settings.tracking.force_max_N, compensator.reset_copy()
     for _ in range(round(HOLD_TIME_S / rig.dt)):
-        held.commit(held.solve(force, rig.gap), rig.gap)
-    return float(held.solve(force, rig.gap) / np.sqrt(force))
+        compensator_copy.commit(compensator_copy.solve(force, rig.gap), rig.gap)
+    return float(compensator_copy.solve(force, rig.gap) / np.sqrt(force))

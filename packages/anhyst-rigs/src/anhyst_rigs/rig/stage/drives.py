@@ -46,9 +46,15 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
 
     Raises ValueError if the magnets cannot push along every coordinate.
     """
-    least, most = min_single_force(file), file.tracking.force_max_N
+    min_force, max_force = min_single_force(file), file.tracking.force_max_N
     return WrenchLayout(
-        magnet_rows(file), opposing_magnets(file), kind, idle, least, most, yields=axis_yields(file)
+        magnet_rows(file),
+        opposing_magnets(file),
+        kind,
+        idle,
+        min_force,
+        max_force,
+        yields=axis_yields(file),
     )
 
 
@@ -58,15 +64,17 @@ def largest_wrench_factor(file: RigFile, wrench: FloatArray) -> float:
     They carry the weight at the same time.
     """
     layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
-    each = file.tracking.force_max_N
-    most = each * len(file.body_magnets)
+    max_force = file.tracking.force_max_N
+    upper_limit = max_force * len(file.body_magnets)
 
     def fits(push: FloatArray) -> bool:
-        shared = [layout.share((one - weight_wrench(file)).tolist()) for one in (push, -push)]
-        return all(made and max(forces) <= each for forces, made in shared)
+        allocated = [
+            layout.share((direction - weight_wrench(file)).tolist()) for direction in (push, -push)
+        ]
+        return all(is_possible and max(forces) <= max_force for forces, is_possible in allocated)
 
-    low, high = 0.0, most
-    while high - low > 1e-3 * most:
+    low, high = 0.0, upper_limit
+    while high - low > 1e-3 * upper_limit:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if fits(middle * wrench) else (low, middle)
     return low
@@ -87,19 +95,24 @@ def _find_spare_magnets(
     rows = np.frombuffer(pull).reshape(magnets, -1)
     spare_magnets = 0
     for lost in range(magnets):
-        left = np.delete(rows, lost, axis=0)
-        if np.linalg.matrix_rank(left) < len(weight):
+        remaining_rows = np.delete(rows, lost, axis=0)
+        if np.linalg.matrix_rank(remaining_rows) < len(weight):
             continue
         # Find the forces that carry the weight with the largest distance to their bounds. A
         # positive distance means that the body can be pushed in any direction.
-        count, one = magnets - 1, np.ones((magnets - 1, 1))
-        inside = np.block([[-np.eye(count), one], [np.eye(count), one]])
+        count, margin_column = magnets - 1, np.ones((magnets - 1, 1))
+        constraints = np.block([[-np.eye(count), margin_column], [np.eye(count), margin_column]])
         limits = np.repeat([-least, most], count)
-        made = np.column_stack([left.T, np.zeros(len(weight))])
-        best = linprog(
-            [*np.zeros(count), -1.0], inside, limits, made, -np.array(weight), (None, None)
+        equalities = np.column_stack([remaining_rows.T, np.zeros(len(weight))])
+        solution = linprog(
+            [*np.zeros(count), -1.0],
+            constraints,
+            limits,
+            equalities,
+            -np.array(weight),
+            (None, None),
         )
-        if best.status == 0 and best.x[-1] > _MIN_FORCE_MARGIN_RATIO * (most - least):
+        if solution.status == 0 and solution.x[-1] > _MIN_FORCE_MARGIN_RATIO * (most - least):
             spare_magnets |= 1 << lost
     return spare_magnets
 
@@ -134,25 +147,28 @@ def opposing_magnets(file: RigFile) -> list[int]:
     The index is its own if there is none, and for all bidirectional magnets.
     """
     lines = np.array(
-        [[*one.direction, *np.cross(one.position_m, one.direction)] for one in file.body_magnets]
+        [
+            [*magnet.direction, *np.cross(magnet.position_m, magnet.direction)]
+            for magnet in file.body_magnets
+        ]
     )
-    against = list(range(len(lines)))
+    opposing = list(range(len(lines)))
     if file.magnet.is_bidirectional:
-        return against
+        return opposing
     for i, j in np.argwhere(np.abs(lines[:, None] + lines).max(axis=2) < _LINE_TOLERANCE).tolist():
-        if against[i] == i and against[j] in (i, j):
-            against[i] = j
-    return against
+        if opposing[i] == i and opposing[j] in (i, j):
+            opposing[i] = j
+    return opposing
 
 
 def monitoring_settings(rig: BodyRig) -> dict[str, float]:
     """Return the settings by which a controller detects lost magnets and heads, and lands."""
     table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
-    late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
-    others = inverses_without_head(rig.settings)
-    down = LANDING_TRAVEL_RATIO * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
+    current_lag = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
+    inverses = inverses_without_head(rig.settings)
+    landing_ticks = LANDING_TRAVEL_RATIO * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
     return {
-        "follow": 1.0 - math.exp(-rig.dt / late),
+        "follow": 1.0 - math.exp(-rig.dt / current_lag),
         "slew": _CERTAIN_SLEW_RATIO
         * amplifier.supply
         / rig.settings.magnet.poles.inductance(rig.gap)
@@ -160,9 +176,11 @@ def monitoring_settings(rig: BodyRig) -> dict[str, float]:
         "off": table.lost_A or 0.0,
         "off_ticks": max(1, round(table.lost_s / rig.dt)),
         "spare": spare_magnets(rig.settings) if table.lost_A else 0,
-        "land_ticks": min(math.ceil(down), MAX_LANDING_TICKS),
+        "land_ticks": min(math.ceil(landing_ticks), MAX_LANDING_TICKS),
         "jump": (table.head_m_per_s or 0.0) * rig.dt,
         "doubt": AXES_ODD * max(1, round(table.head_s / rig.dt)),
-        "noisy": int(all(one.noise_m > one.step_m for one in rig.settings.position_sensors)),
-        "spare_heads": sum(1 << one for one, rows in enumerate(others) if rows.any()),
+        "noisy": int(
+            all(sensor.noise_m > sensor.step_m for sensor in rig.settings.position_sensors)
+        ),
+        "spare_heads": sum(1 << sensor for sensor, rows in enumerate(inverses) if rows.any()),
     }

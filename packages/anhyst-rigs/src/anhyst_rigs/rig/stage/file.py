@@ -50,22 +50,24 @@ class StageRig(BodyRig):
         """
         file, body = self.settings, self.settings.body
         lines = [
-            (one.position_m, one.direction, one.gap_m or file.gap_m) for one in file.body_magnets
+            (magnet.position_m, magnet.direction, magnet.gap_m or file.gap_m)
+            for magnet in file.body_magnets
         ]
         ends = zip(axis_indices(file), stop_distances(file), strict=True)
         heads = zip(head_lines(file), file.position_sensors, strict=True)
         along = file.scan.direction
         return LinesOfAction(
             coordinates=[Coordinate(axis, -end, end, 0.0) for axis, end in ends],
-            magnets=[({"r": place, "d": way}, gap) for place, way, gap in lines],
+            magnets=[({"r": place, "d": direction}, gap) for place, direction, gap in lines],
             gap_sensors=[
-                ({"r": place, "d": [-one for one in way]}, gap) for place, way, gap in lines
+                ({"r": place, "d": [-magnet for magnet in direction]}, gap)
+                for place, direction, gap in lines
             ],
             gravity=[0.0, 0.0, -body.gravity_m_per_s2],
             force_along=along,
             load={"r": ORIGIN, "d": along},
             load_rest=0.0,
-            heads=[({"r": place, "d": way}, sensor) for (place, way), sensor in heads],
+            heads=[({"r": place, "d": direction}, sensor) for (place, direction), sensor in heads],
         )
 
 
@@ -105,11 +107,11 @@ def _travel_faults(file: RigFile) -> Iterator[FileFault]:
                 f"{body.stop_high_m:g} m at the first magnet, and would touch this one; raise it"
             )
             yield FileFault(file.key_path(magnet, "gap_m"), text, code="range-too-narrow")
-    if not travel > (off := 0.5 * file.frame.stray_m):
+    if not travel > (path_error := 0.5 * file.frame.stray_m):
         text = (
             f"the body travels {travel:g} m in both directions, but the long stroke has an error "
         )
-        text += f"of {off:g} m"
+        text += f"of {path_error:g} m"
         yield FileFault(
             ("frame", "stray_m"), f"{text}; move the stops apart", code="range-too-narrow"
         )
@@ -122,9 +124,12 @@ def _line_faults(file: RigFile) -> Iterator[FileFault]:
     not rotate.
     """
     free = file.body.free
-    needed = {"direction": free != ["x"], "position_m": any(axis.startswith("r") for axis in free)}
+    required = {
+        "direction": free != ["x"],
+        "position_m": any(axis.startswith("r") for axis in free),
+    }
     for table in (*file.body_magnets, *file.position_sensors):
-        for key in (key for key, is_needed in needed.items() if is_needed):
+        for key in (key for key, is_needed in required.items() if is_needed):
             if key not in table.model_fields_set:
                 text = f"is missing, a body that is free in {', '.join(free)} needs it; add it"
                 yield FileFault(file.key_path(table, key), text, code="missing")
@@ -133,7 +138,7 @@ def _line_faults(file: RigFile) -> Iterator[FileFault]:
 def _pose_faults(file: RigFile) -> Iterator[FileFault]:
     """Find reasons why a body cannot be measured, held or moved."""
     free = ", ".join(file.body.free)
-    if len({one.stands for one in file.position_sensors}) > 1:
+    if len({head.stands for head in file.position_sensors}) > 1:
         text = "some are on the ground and some are not; make all the same"
         yield FileFault(("sensor",), text, code="option-differs")
     for sensor, row in zip(file.position_sensors, head_rows(file), strict=True):
@@ -159,11 +164,13 @@ def _pose_faults(file: RigFile) -> Iterator[FileFault]:
         text = "these magnets cannot hold the body and its weight; turn one, or add one"
         yield FileFault(("magnet",), text, code="load-too-large")
         return
-    able = largest_wrench_factor(file, scan_wrench(file))
+    max_force = largest_wrench_factor(file, scan_wrench(file))
     for key in ("train_m_per_s2", "test_m_per_s2"):
-        needed = file.body.mass_kg * max(getattr(file.scan, key))
-        if needed > 1.01 * able:  # accuracy of the search: 0.1 %
-            text = f"{file.body.mass_kg:g} kg need {needed:.4g} N, but the magnets can apply "
-            text += f"{able:.4g} N along the set-point in both directions in addition to the weight"
+        required_force = file.body.mass_kg * max(getattr(file.scan, key))
+        if required_force > 1.01 * max_force:  # accuracy of the search: 0.1 %
+            text = (
+                f"{file.body.mass_kg:g} kg need {required_force:.4g} N, but the magnets can apply "
+            )
+            text += f"{max_force:.4g} N along the set-point in both directions in addition to the weight"
             text += "; lower it"
             yield FileFault(file.key_path(file.scan, key), text, code="load-too-large")

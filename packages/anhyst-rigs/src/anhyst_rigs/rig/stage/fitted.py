@@ -26,9 +26,9 @@ from anhyst_rigs.rig.stage.loop import StageSetup, bias_force
 def identify_stage_magnet(rig: BodyRig, loops: Loops | None = None) -> IdentifiedMagnet:
     """Identify the magnet of a stage from the loops of its rig file, or from other loops."""
 
-    def usable(known: IdentifiedMagnet) -> bool:
+    def usable(magnet: IdentifiedMagnet) -> bool:
         try:
-            return bool(fit_method_compensator(rig, known, "full"))
+            return bool(fit_method_compensator(rig, magnet, "full"))
         except InputError:
             return False
 
@@ -62,13 +62,15 @@ def apply_calibration(
 
     `fitted` returns the compensator for a relative change of the loop width.
     """
-    each = tuple(fitted(width) for width in learnt.width_changes(len(rig.settings.body_magnets)))
+    compensators = tuple(
+        fitted(width) for width in learnt.width_changes(len(rig.settings.body_magnets))
+    )
     return StageSetup(
         rig,
-        each[0],
+        compensators[0],
         drift=drift,
-        correction_rows=correction_rows(learnt, each[0], rig),
-        own_compensators=each,
+        correction_rows=correction_rows(learnt, compensators[0], rig),
+        own_compensators=compensators,
         body_corrections={name: learnt.value(name) for name in ("payload", *CENTRE_PARAMETERS)},
         cable_stiffness=learnt.value("cable_N_per_m"),
     )
@@ -89,7 +91,7 @@ def fit_method_compensator(
             current_max=table.amplifier.current_high_A,
             is_bipolar=table.magnet.is_bidirectional,
         )
-        known = calibrate_magnet(magnet, width_change=wider) if wider else magnet
-        return fit_compensators(rig, operating, [known], method, table.tracking.format)[0]
+        widened = calibrate_magnet(magnet, width_change=wider) if wider else magnet
+        return fit_compensators(rig, operating, [widened], method, table.tracking.format)[0]
     except InputError as error:
         raise error.with_location(rig.measured_loops.description) from error

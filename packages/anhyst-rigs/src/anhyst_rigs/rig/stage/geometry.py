@@ -32,13 +32,13 @@ def _line_rows(
     file: RigFile, lines: Sequence[tuple[Sequence[float], Sequence[float]]]
 ) -> FloatArray:
     """Return one row per line: velocity along the line per velocity of each coordinate."""
-    whole = np.array([[*direction, *np.cross(place, direction)] for place, direction in lines])
-    return np.ascontiguousarray(whole[:, axis_indices(file)])
+    all_rows = np.array([[*direction, *np.cross(place, direction)] for place, direction in lines])
+    return np.ascontiguousarray(all_rows[:, axis_indices(file)])
 
 
 def magnet_rows(file: RigFile) -> FloatArray:
     """Return the wrench per force of each magnet, one row per magnet, N/N and N m/N."""
-    return _line_rows(file, [(one.position_m, one.direction) for one in file.body_magnets])
+    return _line_rows(file, [(magnet.position_m, magnet.direction) for magnet in file.body_magnets])
 
 
 def head_rows(file: RigFile) -> FloatArray:
@@ -49,7 +49,7 @@ def head_rows(file: RigFile) -> FloatArray:
 def head_lines(file: RigFile) -> list[tuple[list[float], list[float]]]:
     """Return the measured point of each head, m, and the direction of increasing readings."""
     sensors = file.position_sensors
-    return [(one.position_m or ORIGIN, one.direction or ALONG_X["d"]) for one in sensors]
+    return [(sensor.position_m or ORIGIN, sensor.direction or ALONG_X["d"]) for sensor in sensors]
 
 
 def pose_at_body(file: RigFile, poses: FloatArray, targets: FloatArray) -> FloatArray:
@@ -60,10 +60,14 @@ def pose_at_body(file: RigFile, poses: FloatArray, targets: FloatArray) -> Float
     """
     if not file.has_ground_heads:
         return poses
-    axes, at, seen = axis_indices(file), np.zeros((len(poses), 6)), np.zeros((len(poses), 6))
-    at[:, axes], seen[:, axes] = targets, poses
-    seen[:, :3] -= np.cross(at[:, :3], seen[:, 3:])
-    return np.ascontiguousarray(seen[:, axes])
+    axes, target_poses, read_poses = (
+        axis_indices(file),
+        np.zeros((len(poses), 6)),
+        np.zeros((len(poses), 6)),
+    )
+    target_poses[:, axes], read_poses[:, axes] = targets, poses
+    read_poses[:, :3] -= np.cross(target_poses[:, :3], read_poses[:, 3:])
+    return np.ascontiguousarray(read_poses[:, axes])
 
 
 def inverses_without_head(file: RigFile) -> FloatArray:
@@ -72,9 +76,12 @@ def inverses_without_head(file: RigFile) -> FloatArray:
     The matrix is zero if the other heads do not determine the pose.
     """
     rows = head_rows(file)
-    left = [np.delete(rows, head, axis=0) for head in range(len(rows))]
-    inverses = [np.linalg.pinv(one) * (np.linalg.matrix_rank(one) == rows.shape[1]) for one in left]
-    return np.array([np.insert(one, head, 0.0, axis=1) for head, one in enumerate(inverses)])
+    remaining_rows = [np.delete(rows, head, axis=0) for head in range(len(rows))]
+    inverses = [
+        np.linalg.pinv(matrix) * (np.linalg.matrix_rank(matrix) == rows.shape[1])
+        for matrix in remaining_rows
+    ]
+    return np.array([np.insert(matrix, head, 0.0, axis=1) for head, matrix in enumerate(inverses)])
 
 
 def _centre_of_mass_rows(file: RigFile) -> FloatArray:
@@ -88,22 +95,22 @@ def mass_matrix(file: RigFile) -> FloatArray:
     """Return the mass matrix about the reference point of the pose, kg, kg m and kg m^2."""
     inertia = file.body.inertia_kg_m2 or [0.0, 0.0, 0.0]
     jump = _centre_of_mass_rows(file)
-    whole = jump.T @ np.diag([*[file.body.mass_kg] * 3, *inertia]) @ jump
-    return np.ascontiguousarray(whole[np.ix_(axis_indices(file), axis_indices(file))])
+    full_matrix = jump.T @ np.diag([*[file.body.mass_kg] * 3, *inertia]) @ jump
+    return np.ascontiguousarray(full_matrix[np.ix_(axis_indices(file), axis_indices(file))])
 
 
 def decoupling_matrices(file: RigFile) -> tuple[FloatArray, FloatArray]:
     """Return matrices: pose to centre of mass, and its acceleration to a wrench."""
-    apart = np.ascontiguousarray(
+    centre_rows = np.ascontiguousarray(
         _centre_of_mass_rows(file)[np.ix_(axis_indices(file), axis_indices(file))]
     )
-    return apart, np.ascontiguousarray(mass_matrix(file) @ np.linalg.inv(apart))
+    return centre_rows, np.ascontiguousarray(mass_matrix(file) @ np.linalg.inv(centre_rows))
 
 
 def weight_wrench(file: RigFile) -> FloatArray:
     """Return the wrench of the weight, which acts along -z."""
-    down = np.array([0.0, 0.0, -file.body.weight_N])
-    return np.concatenate([down, np.cross(file.body.centre_m, down)])[axis_indices(file)]
+    weight = np.array([0.0, 0.0, -file.body.weight_N])
+    return np.concatenate([weight, np.cross(file.body.centre_m, weight)])[axis_indices(file)]
 
 
 def scan_direction(file: RigFile) -> FloatArray:

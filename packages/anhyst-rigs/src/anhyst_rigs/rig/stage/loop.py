@@ -107,17 +107,17 @@ def pid_coefficients(rig: BodyRig) -> dict[str, float]:
     jw = 1j * omega
     gain = rig.settings.body.mass_kg * omega**2 / abs(shape(jw))
     # gain*(s + low)*(1 + s/lead)/(s*(1 + s/high)), s = fast*(z - 1)/(z + 1)
-    fast = 2.0 / dt
-    up = (1.0 / lead, 1.0 + low / lead, low)
-    down = (1.0 / high, 1.0, 0.0)
+    bilinear_rate = 2.0 / dt
+    numerator_s = (1.0 / lead, 1.0 + low / lead, low)
+    denominator_s = (1.0 / high, 1.0, 0.0)
 
     def bilinear(p: tuple[float, float, float]) -> tuple[float, float, float]:
-        a, b, c = p[0] * fast**2, p[1] * fast, p[2]
+        a, b, c = p[0] * bilinear_rate**2, p[1] * bilinear_rate, p[2]
         return a + b + c, 2.0 * (c - a), a - b + c
 
-    numerator, denominator = bilinear(up), bilinear(down)
-    b0, b1, b2 = (gain * one / denominator[0] for one in numerator)
-    a1, a2 = (one / denominator[0] for one in denominator[1:])
+    numerator, denominator = bilinear(numerator_s), bilinear(denominator_s)
+    b0, b1, b2 = (gain * coefficient / denominator[0] for coefficient in numerator)
+    a1, a2 = (coefficient / denominator[0] for coefficient in denominator[1:])
     return {"b0": b0, "b1": b1, "b2": b2, "a1": a1, "a2": a2}
 
 
@@ -126,9 +126,9 @@ def feedforward_force(setup: StageSetup, motion: SetPoint, gains: Feedforward) -
     rig = setup.rig
     time = tick_times(rig, motion_ticks(rig, motion)) + rig.loop_delay
     place, acceleration, jerk, snap = motion.derivatives_at(time)
-    moved = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
+    mass_acceleration = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
     return np.asarray(
-        setup.assumed_rig.settings.body.mass_kg * moved + setup.cable_stiffness * place
+        setup.assumed_rig.settings.body.mass_kg * mass_acceleration + setup.cable_stiffness * place
     )
 
 
@@ -199,15 +199,15 @@ def controller_matrices(setup: StageSetup) -> dict[str, FloatArray]:
 
     In addition, `at` is the reading of each head per coordinate.
     """
-    file, at = setup.rig.settings, head_rows(setup.rig.settings)
+    file, head_matrix = setup.rig.settings, head_rows(setup.rig.settings)
     decouple, weigh = decoupling_matrices(setup.assumed_rig.settings)
     b0, b1, b2, a1, a2 = pid_coefficients(setup.rig).values()
     mass, speed = file.body.mass_kg, file.tracking.land_m_per_s * setup.rig.dt
     ends = np.array(stop_distances(file))[:, None]
     return {
-        "at": at,
-        "see": np.ascontiguousarray(np.linalg.pinv(at)),
-        "without": inverses_without_head(file).reshape(at.size, len(at)),
+        "at": head_matrix,
+        "see": np.ascontiguousarray(np.linalg.pinv(head_matrix)),
+        "without": inverses_without_head(file).reshape(head_matrix.size, len(head_matrix)),
         "ground": np.array(axis_indices(file) if file.has_ground_heads else [], dtype=float),
         "decouple": decouple,
         "weigh": weigh,
@@ -222,7 +222,7 @@ def make_axes_controller(
     setup: StageSetup, drives: Sequence[ForceController] = ()
 ) -> TrackingAxes | FixedAxes:
     """Return PID, decoupling and allocation with the force controllers."""
-    magnets = [one.native for one in drives or setup.make_compensators()]
+    magnets = [drive.native for drive in drives or setup.make_compensators()]
     if setup.number_format == "fixed":
         assert setup.correction_rows is None, "in fixed point nothing corrects a force controller"
         return make_fixed_stage_controller(setup).make_core(
@@ -230,8 +230,8 @@ def make_axes_controller(
         )
     settings = controller_settings(setup) | monitoring_settings(setup.rig)
     kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
-    made = TrackingAxesF32 if setup.number_format == "f32" else TrackingAxes
-    controller = made(
+    controller_class = TrackingAxesF32 if setup.number_format == "f32" else TrackingAxes
+    controller = controller_class(
         magnets, wrench_layout(setup.rig.settings, kind, idle), controller_matrices(setup), settings
     )
     if setup.correction_rows is not None:
@@ -242,10 +242,10 @@ def make_axes_controller(
 def make_fixed_stage_controller(setup: StageSetup) -> FixedController:
     """Return the controller in fixed point."""
     file, settings = setup.rig.settings, controller_settings(setup)
-    how = int(settings["allocation"]), settings["idle"]
+    allocation = int(settings["allocation"]), settings["idle"]
     bounds = min_single_force(file), file.tracking.force_max_N
     drives = DriveLayout(
-        magnet_rows(file), opposing_magnets(file), axis_yields(file), *how, *bounds
+        magnet_rows(file), opposing_magnets(file), axis_yields(file), *allocation, *bounds
     )
     return make_fixed_controller(
         controller_matrices(setup), drives, settings | monitoring_settings(setup.rig)

@@ -40,11 +40,11 @@ def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[
     errors = reference - poses
     wrench = axis_columns("demand", free, WRENCH_UNITS)
     demand = np.column_stack([run[name] for name in wrench]) @ along
-    ticks, late = np.arange(n, dtype=float), rig.settings.timing.delay_ticks + 0.5
+    ticks, delay_ticks = np.arange(n, dtype=float), rig.settings.timing.delay_ticks + 0.5
     count = len(file.body_magnets)
-    behind = range(count + 1, count + len(file.position_sensors) + 1)
-    heads = np.column_stack([run[column_name("gap_read", "m", number)] for number in behind])
-    read = pose_at_body(file, heads @ np.linalg.pinv(head_rows(file)).T, reference)
+    head_numbers = range(count + 1, count + len(file.position_sensors) + 1)
+    heads = np.column_stack([run[column_name("gap_read", "m", number)] for number in head_numbers])
+    poses_read = pose_at_body(file, heads @ np.linalg.pinv(head_rows(file)).T, reference)
     signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
     return {
         "t_s": run["t_s"],
@@ -54,11 +54,11 @@ def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[
         "demand_N": demand,
         "force_N": run["force_N"],
         # force minus the demand one delay earlier
-        "force_error_N": np.asarray(run["force_N"] - np.interp(ticks - late, ticks, demand)),
+        "force_error_N": np.asarray(run["force_N"] - np.interp(ticks - delay_ticks, ticks, demand)),
         **{name: errors[:, k] for k, name in enumerate(error_columns(free))},
         **{name: run[name] for name in magnet_columns([("gap", "m"), *CURRENT_SIGNALS], 1, count)},
         **{name: run[name] for name in magnet_columns(signals, 1, count)},
-        **dict(zip(pose_columns(free), read.T, strict=True)),
+        **dict(zip(pose_columns(free), poses_read.T, strict=True)),
         **{name: run[own] for name, own in zip(demand_columns(free), wrench, strict=True)},
     }
 
@@ -76,8 +76,12 @@ def axis_columns(
 def find_stage_loss(rig: BodyRig, run: Recording, planned: int) -> Loss | None:
     """Return the first tick on an end stop or with an unbounded demand; None if there is none."""
     file, stop = rig.settings, "an end stop was reached"
-    most = LOST_DEMAND_RATIO * file.tracking.force_max_N * len(file.body_magnets)
-    bounds = [SignalBound("the demanded force exceeded all bounds", run["demand_N"], -most, most)]
+    max_demand = LOST_DEMAND_RATIO * file.tracking.force_max_N * len(file.body_magnets)
+    bounds = [
+        SignalBound(
+            "the demanded force exceeded all bounds", run["demand_N"], -max_demand, max_demand
+        )
+    ]
     poses = axis_columns("pose", file.body.free)
     for name, end in zip(poses, stop_distances(file), strict=True):
         bounds.append(SignalBound(stop, run[name], -end, end))

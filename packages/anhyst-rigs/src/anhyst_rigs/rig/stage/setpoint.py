@@ -56,13 +56,15 @@ class SetPoint:
         self, time: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return position, acceleration, jerk and snap at given times, m, m/s2, m/s3, m/s4."""
-        sums = [np.zeros_like(time) for _ in range(4)]
+        derivatives = [np.zeros_like(time) for _ in range(4)]
         for begin, length, height in self.pulses:
             rise = height / self._integrate_jerk_pulse(np.array([self.jerk_phase]), 1)[0]
             for sign, start in ((1.0, begin), (-1.0, begin + length - self.jerk_phase)):
                 for number, order in enumerate((3, 1, 0, -1)):
-                    sums[number] += sign * rise * self._integrate_jerk_pulse(time - start, order)
-        return sums[0], sums[1], sums[2], sums[3]
+                    derivatives[number] += (
+                        sign * rise * self._integrate_jerk_pulse(time - start, order)
+                    )
+        return derivatives[0], derivatives[1], derivatives[2], derivatives[3]
 
     def _integrate_jerk_pulse(self, time: FloatArray, order: int) -> FloatArray:
         """Integrate a jerk pulse of height one `order` times; order -1 is its derivative.
@@ -71,12 +73,12 @@ class SetPoint:
         precision.
         """
         end, later = np.array([self.jerk_phase]), np.maximum(time - self.jerk_phase, 0.0)
-        left = (
-            self._integrate_within_pulse(end, order - one) * later**one / one
-            for one in range(1, order)
+        remaining = (
+            self._integrate_within_pulse(end, order - power) * later**power / power
+            for power in range(1, order)
         )
         return np.asarray(
-            self._integrate_within_pulse(np.minimum(time, self.jerk_phase), order) + sum(left)
+            self._integrate_within_pulse(np.minimum(time, self.jerk_phase), order) + sum(remaining)
         )
 
     def _integrate_within_pulse(self, time: FloatArray, order: int) -> FloatArray:
@@ -84,12 +86,14 @@ class SetPoint:
         snap, jerk = self.snap_phase, self.jerk_phase
         corners = ((0.0, 1.0), (snap, -1.0), (jerk - snap, -1.0), (jerk, 1.0))
         power = order + 1
-        whole = np.prod(np.arange(1, power + 1)) if power else 1.0
+        factorial = np.prod(np.arange(1, power + 1)) if power else 1.0
         parts = (
-            sign / snap * np.where(time >= at, np.maximum(time - at, 0.0) ** power, 0.0)
-            for at, sign in corners
+            sign
+            / snap
+            * np.where(time >= corner_time, np.maximum(time - corner_time, 0.0) ** power, 0.0)
+            for corner_time, sign in corners
         )
-        return np.asarray(sum(parts) / whole)
+        return np.asarray(sum(parts) / factorial)
 
 
 def scan_motion(table: ScanCase, peaks: Sequence[float]) -> SetPoint:
@@ -138,19 +142,21 @@ def plan_braking(
 
     Its duration follows from the hardest turnaround, so that it needs no larger force.
     """
-    lasts = 1.5 * abs(speed) / max(motion.peaks) + 4.0 * motion.jerk_phase
-    count = round(lasts / dt)
+    duration = 1.5 * abs(speed) / max(motion.peaks) + 4.0 * motion.jerk_phase
+    count = round(duration / dt)
 
     def at(time: FloatArray) -> list[FloatArray]:
-        s = np.minimum(time / lasts, 1.0)
+        s = np.minimum(time / duration, 1.0)
         moves = s < 1.0
-        position = lasts * (
+        position = duration * (
             speed * (s**4 / 2.0 - s**3 + s)
-            + lasts * acceleration * (s**4 / 4.0 - 2.0 * s**3 / 3.0 + s**2 / 2.0)
+            + duration * acceleration * (s**4 / 4.0 - 2.0 * s**3 / 3.0 + s**2 / 2.0)
         )
-        first = speed / lasts * (6.0 * s**2 - 6.0 * s) + acceleration * (3.0 * s**2 - 4.0 * s + 1.0)
-        second = speed / lasts**2 * (12.0 * s - 6.0) + acceleration / lasts * (6.0 * s - 4.0)
-        third = (12.0 * speed / lasts**3 + 6.0 * acceleration / lasts**2) * np.ones_like(s)
+        first = speed / duration * (6.0 * s**2 - 6.0 * s) + acceleration * (
+            3.0 * s**2 - 4.0 * s + 1.0
+        )
+        second = speed / duration**2 * (12.0 * s - 6.0) + acceleration / duration * (6.0 * s - 4.0)
+        third = (12.0 * speed / duration**3 + 6.0 * acceleration / duration**2) * np.ones_like(s)
         return [first * moves, second * moves, third * moves, position]
 
     time = dt * np.arange(count + 1, dtype=np.float64)
