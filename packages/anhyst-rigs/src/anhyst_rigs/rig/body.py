@@ -318,11 +318,11 @@ def _case_faults(file: RigFile) -> Iterator[FileFault]:
     low, high, step = file.body.stop_low_m, file.body.stop_high_m, file.step
 
     def travel_faults(
-        table: Table, key: KeyPath, what: str, lowest: float, highest: float
+        table: Table, key: KeyPath, name: str, lowest: float, highest: float
     ) -> Iterator[FileFault]:
         if not (low < lowest and highest < high):
             range_text = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
-            text = f"{what} is at {range_text} m, outside the travel of {low:g} to {high:g} m"
+            text = f"{name} is at {range_text} m, outside the travel of {low:g} to {high:g} m"
             text += "; lower it or move the stops"
             yield FileFault(file.key_path(table, *key), text, code="outside-travel")
 
@@ -331,8 +331,8 @@ def _case_faults(file: RigFile) -> Iterator[FileFault]:
     for number, height in enumerate(step.heights_m):
         for gap in (gap for gap in file.step_gaps_m if low < gap < high):
             upper, lower = step_ends(gap, height)
-            what = f"the step around {gap:g} m"
-            faults = list(travel_faults(step, ("heights_m", number), what, lower, upper))
+            name = f"the step around {gap:g} m"
+            faults = list(travel_faults(step, ("heights_m", number), name, lower, upper))
             yield from faults
             if faults:
                 break

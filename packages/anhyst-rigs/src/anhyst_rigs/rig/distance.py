@@ -53,13 +53,13 @@ def simulate_loop_in_time(magnet: Magnet, loop: Loop, zero: float = 0.0) -> Floa
     assert loop.schedule is not None
     assert loop.time is not None
     coil, steps = Coil(magnet), np.diff(loop.time)
-    usual = float(np.median(steps))
-    steps = np.append(usual, np.maximum(steps, _MIN_TIME_STEP_RATIO * usual))
-    past = np.append(np.array(loop.history.turning_points), loop.input[0]) - zero
+    median_step = float(np.median(steps))
+    steps = np.append(median_step, np.maximum(steps, _MIN_TIME_STEP_RATIO * median_step))
+    history = np.append(np.array(loop.history.turning_points), loop.input[0]) - zero
     places = np.array(
         [*loop.history.schedule_at_points(loop.schedule[0]), loop.schedule[0]], dtype=np.float64
     )
-    coil.run(past, places)
+    coil.run(history, places)
     rows = np.column_stack([loop.input - zero, loop.schedule, steps]).tolist()
     for _ in range(_STEADY_STATE_CYCLES if loop.history.kind == "settled" else 1):
         force = []
@@ -171,16 +171,16 @@ def thin_loops(loops: Loops, max_samples: int) -> Loops:
 
     A reversal moves by less than the new distance between samples.
     """
-    every = -(-sum(loop.n for loop in loops.loops) // max_samples)
-    if every == 1:
+    stride = -(-sum(loop.n for loop in loops.loops) // max_samples)
+    if stride == 1:
         return loops
     return loops.with_loops(
         replace(
             loop,
-            input=loop.input[::every],
-            output=loop.output[::every],
-            schedule=None if loop.schedule is None else loop.schedule[::every],
-            time=None if loop.time is None else loop.time[::every],
+            input=loop.input[::stride],
+            output=loop.output[::stride],
+            schedule=None if loop.schedule is None else loop.schedule[::stride],
+            time=None if loop.time is None else loop.time[::stride],
         )
         for loop in loops.loops
     )

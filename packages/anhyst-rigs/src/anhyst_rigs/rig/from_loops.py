@@ -130,14 +130,14 @@ def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
 
 
 def _fit_uncached(loops: Loops, table: MagnetTable) -> FittedPlant:
-    slow = select_slow_loops(loops)
-    fit = _StaticFit(thin_loops(slow, COARSE_SAMPLES), table)
-    best = min(
+    slow_loops = select_slow_loops(loops)
+    fit = _StaticFit(thin_loops(slow_loops, COARSE_SAMPLES), table)
+    best_result = min(
         (fit.minimise(fit.initial_guess(pinning)) for pinning in PINNING_STARTS),
         key=lambda result: result[0],
     )
-    fit = _StaticFit(thin_loops(slow, FINE_SAMPLES), table)
-    _, parameters = fit.minimise(best[1])
+    fit = _StaticFit(thin_loops(slow_loops, FINE_SAMPLES), table)
+    _, parameters = fit.minimise(best_result[1])
     turns = round(fit.turns(parameters))
     if table.turns is None:
         fit = _StaticFit(fit.loops, table.model_copy(update={"turns": turns}))

@@ -51,7 +51,7 @@ _TABLE_RULES: Mapping[type[Table], tuple[str, str, str]] = {
     case_table.MovingCase: (". . 1 .", "case", 'a [[case]] of kind "moving"'),
     case_table.DisplacementCase: (". . . 1", "case", 'a [[case]] of kind "displacement"'),
 }
-"""Grid of the number of tables of each type; key of their list; name in messages."""
+"""Permitted number of each type of table by kind of rig, key of its list, and name in messages."""
 
 _SINGLE_KEY_RULES = {
     "loops": "1 1 1 .",
@@ -211,7 +211,7 @@ def _push_faults(file: RigFile, first: MagnetTable) -> Iterator[FileFault]:
         text = "is only for magnets that cannot push; remove it"
         yield FileFault(("control", "force_min_N"), text, code="not-for-this-kind")
     if getattr(file.control, "format", "f64") == "fixed":
-        text = 'bidirectional magnets have no fixed point; write "f64" or "f32"'
+        text = 'bidirectional magnets cannot use "fixed"; write "f64" or "f32"'
         yield FileFault(("control", "format"), text, code="not-for-this-kind")
     for magnet in file.magnets:
         if isinstance(magnet, LikeTable) and magnet.gap_m != first.gap_m:

@@ -167,13 +167,13 @@ def _body(rig: BodyRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
 def _amplifier(rig: BodyRig) -> dict[str, float]:
     amplifier = rig.settings.amplifier
     gain, reset = current_controller_gains(rig)
-    by_current = amplifier.mode == "current"
-    low = amplifier.current_low_A if by_current else -amplifier.supply
-    high = amplifier.current_high_A if by_current else amplifier.supply
+    is_current_source = amplifier.mode == "current"
+    low = amplifier.current_low_A if is_current_source else -amplifier.supply
+    high = amplifier.current_high_A if is_current_source else amplifier.supply
     return {
         "limit": amplifier.supply,
-        "gain": gain if by_current else 0.0,
-        "reset": reset if by_current else 0.0,
+        "gain": gain if is_current_source else 0.0,
+        "reset": reset if is_current_source else 0.0,
         "low": low,
         "high": high,
         "step": (high - low) / ((1 << amplifier.dac_bits) - 1),

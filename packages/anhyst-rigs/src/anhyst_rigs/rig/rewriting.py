@@ -77,14 +77,14 @@ def _table_lines(
 ) -> Iterator[str]:
     yield ""
     yield _with_note(title, notes.get(path, ("", ""))[1])
-    first = [key for key in ("name", "of", "kind", "mode") if key in table]
+    leading_keys = [key for key in ("name", "of", "kind", "mode") if key in table]
     listed = [key for key in table if (*path, key, 0) in notes]
-    for key in [*first, *(key for key in table if key not in (*first, *listed))]:
+    for key in [*leading_keys, *(key for key in table if key not in (*leading_keys, *listed))]:
         yield from _entry_lines((*path, key), table[key], notes)
     for key in listed:
         for number, row in enumerate(table[key]):
-            inner = f"[[{title.strip('[]')}.{key}]]"
-            yield from _table_lines(inner, (*path, key, number), row, notes)
+            inner_title = f"[[{title.strip('[]')}.{key}]]"
+            yield from _table_lines(inner_title, (*path, key, number), row, notes)
 
 
 def _entry_lines(
@@ -97,8 +97,8 @@ def _entry_lines(
         yield from (f"  {toml_value(row)}," for row in value)
         yield "]"
     else:
-        same = bool(before) and tomllib.loads(f"x = {before}")["x"] == value
-        yield _with_note(f"{key} = {before if same else toml_value(value)}", note)
+        is_unchanged = bool(before) and tomllib.loads(f"x = {before}")["x"] == value
+        yield _with_note(f"{key} = {before if is_unchanged else toml_value(value)}", note)
 
 
 def _with_note(text: str, note: str) -> str:

@@ -180,9 +180,11 @@ class BusTap:
             self.ticks_to_skip -= 1
             self._last_answer = replace(self._last_answer, tick=received.tick)
         else:
-            shown = received if self.change_sample is None else self.change_sample(received)
+            changed_sample = (
+                received if self.change_sample is None else self.change_sample(received)
+            )
             try:
-                self._last_answer = self.exchange(shown)
+                self._last_answer = self.exchange(changed_sample)
             except (OSError, ValueError):
                 return  # the loop detects the missing answer
         answer = self._last_answer.FIXED.pack(*vars(self._last_answer).values())

@@ -163,13 +163,13 @@ class ForceBench(LockStepBench):
     def advance(self, ticks: int) -> FloatArray:
         """Compute some ticks and return their rows."""
         rows = np.empty((ticks, 1 + len(self.signals)))
-        done = 0
-        while done < ticks:
-            for _ in range(self._heartbeat.count_ticks(ticks - done)):
+        row = 0
+        while row < ticks:
+            for _ in range(self._heartbeat.count_ticks(ticks - row)):
                 self._bus.step()
                 self._state = self._bus.state
-                rows[done] = self._row()
-                done += 1
+                rows[row] = self._row()
+                row += 1
         return rows
 
     def _row(self) -> tuple[float, ...]:
@@ -270,10 +270,10 @@ def run_firmware(
             text = f"the controller left its run for {_state_text(status)}"
             raise NegativeResult(text, code="wrong-state")
     run = np.concatenate(rows)
-    everything = np.concatenate([start_up, run])
-    drive = _columns(everything, "command")[:, 0]
+    all_rows = np.concatenate([start_up, run])
+    drive = _columns(all_rows, "command")[:, 0]
     return bench_recording(_columns(run, *_RECORDED_SIGNALS), rig.dt), FirmwareSession(
-        program.gap_codes(_columns(everything, "gap_read")[:, 0]),
+        program.gap_codes(_columns(all_rows, "gap_read")[:, 0]),
         np.rint(drive / program.scales.current * Q31_ONE).astype(np.int64),
         np.array([program.demand_code(force) for force in demand.force.tolist()]),
         len(start_up),

@@ -98,20 +98,20 @@ class PacedBench:
         The action takes effect on one tick, also while the bench is paused. Its exception is raised
         here.
         """
-        done: Future[_Result] = Future()
+        future: Future[_Result] = Future()
 
         def work() -> None:
             try:
-                done.set_result(action(self._bench))
+                future.set_result(action(self._bench))
             except BaseException as error:
-                done.set_exception(error)
+                future.set_exception(error)
 
         with self._wake:
             if self._is_closing:
                 raise self.error or InputError("the bench is closed", code="bench-closed")
             self._todo.append(work)
             self._wake.notify_all()
-        return done.result()
+        return future.result()
 
     def set_speed(self, speed: float) -> None:
         """Change the speed relative to the clock."""

@@ -122,15 +122,15 @@ class PiezoBench(CycleBench):
 
     def _set_controller(self, before: int | None) -> None:
         """Activate the selected controller, from rest or with a bumpless transfer."""
-        which, change = int(self._values["compensation"]), None
+        selected, output_change = int(self._values["compensation"]), None
         if before is not None:
-            change = float(
-                self._expected_displacements[which] - self._expected_displacements[before]
+            output_change = float(
+                self._expected_displacements[selected] - self._expected_displacements[before]
             )
         bandwidth = {"control.bandwidth_Hz": self._values["bandwidth"]}
         rig = replace(self.rig, settings=self.rig.settings.with_changes(bandwidth))
-        drive = self._drives[which]
-        self._loop.control(drive.native, **controller_arguments(rig, drive), change=change)
+        drive = self._drives[selected]
+        self._loop.control(drive.native, **controller_arguments(rig, drive), change=output_change)
 
     def _apply_staged(self) -> None:
         if self._state is State.RUN and self._path_ticks:
@@ -200,12 +200,12 @@ class PiezoBench(CycleBench):
             self._state, self._fault = State.FAULT, Fault.POSITION_RANGE
         return rows
 
-    def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
+    def _rows(self, n: int, *signals: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
         cycle = self._cycle_count if self._state is State.RUN else 0
         state_columns = [np.full(n, float(value)) for value in (self._state, self._fault, cycle)]
         self.tick += n
-        return np.column_stack([numbers, *of_loop, *state_columns])
+        return np.column_stack([numbers, *signals, *state_columns])
 
     def _lost_rows(self, n: int) -> FloatArray:  # at 0 V
         return self._rows(n, *np.zeros((len(_PIEZO_SIGNALS), n)))

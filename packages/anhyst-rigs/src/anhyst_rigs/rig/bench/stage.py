@@ -275,19 +275,19 @@ class StageBench(CycleBench):
     def _take_staged(self) -> None:
         staged, self._staged = self._staged, {}
         corrected, self._corrected_setups = self._corrected_setups, {}
-        for which, setup in corrected.items():
-            self._setups[which] = setup
+        for selected, setup in corrected.items():
+            self._setups[selected] = setup
         self._values |= {name: value for name, value in staged.items() if name in self._values}
-        which = int(self._values["compensation"])
+        selected = int(self._values["compensation"])
         gains = {
             name: staged[f"gain_{name}"] for name in FEEDFORWARD_GAINS if f"gain_{name}" in staged
         }
-        self._gains[which] = replace(self._gains[which], **gains)
+        self._gains[selected] = replace(self._gains[selected], **gains)
         if "motion" in staged:
             self._set_motion(staged["motion"])
         if "plant" in staged:
             self._reset_plant()
-        elif which in corrected or not staged.keys().isdisjoint(("compensation", "crossover")):
+        elif selected in corrected or not staged.keys().isdisjoint(("compensation", "crossover")):
             self._set_controller()
 
     def _next_feedforward(self, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -379,7 +379,7 @@ class StageBench(CycleBench):
             self._state = State.READY if self._phases[-1] == Phase.HOVER else State.IDLE
         return wrench_columns | magnet_pulls(settings, run) | {"flight": self._phases}
 
-    def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
+    def _rows(self, n: int, *signals: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
         state_columns = [np.full(n, float(value)) for value in (self._fault, self._cycle_number)]
         state = np.full(n, float(self._state))
@@ -387,7 +387,7 @@ class StageBench(CycleBench):
             state[self._phases != Phase.HOVER] = State.RUN
             state[self._phases == Phase.REST] = State.IDLE
         self.tick += n
-        return np.column_stack([numbers, *of_loop, state, *state_columns])
+        return np.column_stack([numbers, *signals, state, *state_columns])
 
     def _lost_rows(self, n: int) -> FloatArray:  # on a stop without current
         values = resting_values(self.rig.settings, self._course_start)

@@ -93,8 +93,8 @@ def files_of_stage(path: PathLike, controller: PathLike | None) -> list[Path]:
     """Return the rig file and all files that it names."""
     del controller
     rig = StageRig(Path(path), read_rig_file(path, "tracking"))
-    taught = [] if rig.calibration_path is None else [rig.calibration_path]
-    return [rig.path, *taught, *rig.measured_loops.files]
+    calibration_files = [] if rig.calibration_path is None else [rig.calibration_path]
+    return [rig.path, *calibration_files, *rig.measured_loops.files]
 
 
 def _travel_faults(file: RigFile) -> Iterator[FileFault]:

@@ -59,7 +59,10 @@ def recording_columns(rig: BodyRig, run: Recording, scenario: Scenario) -> dict[
         **{name: run[name] for name in magnet_columns([("gap", "m"), *CURRENT_SIGNALS], 1, count)},
         **{name: run[name] for name in magnet_columns(signals, 1, count)},
         **dict(zip(pose_columns(free), poses_read.T, strict=True)),
-        **{name: run[own] for name, own in zip(demand_columns(free), wrench, strict=True)},
+        **{
+            name: run[wrench_name]
+            for name, wrench_name in zip(demand_columns(free), wrench, strict=True)
+        },
     }
 
 

@@ -147,7 +147,7 @@ def plan_braking(
 
     def at(time: FloatArray) -> list[FloatArray]:
         s = np.minimum(time / duration, 1.0)
-        moves = s < 1.0
+        is_moving = s < 1.0
         position = duration * (
             speed * (s**4 / 2.0 - s**3 + s)
             + duration * acceleration * (s**4 / 4.0 - 2.0 * s**3 / 3.0 + s**2 / 2.0)
@@ -157,7 +157,7 @@ def plan_braking(
         )
         second = speed / duration**2 * (12.0 * s - 6.0) + acceleration / duration * (6.0 * s - 4.0)
         third = (12.0 * speed / duration**3 + 6.0 * acceleration / duration**2) * np.ones_like(s)
-        return [first * moves, second * moves, third * moves, position]
+        return [first * is_moving, second * is_moving, third * is_moving, position]
 
     time = dt * np.arange(count + 1, dtype=np.float64)
     return SampledMotion(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + ahead)))
