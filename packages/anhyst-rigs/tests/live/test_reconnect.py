@@ -151,7 +151,7 @@ def test_another_firmware_is_not_gone_on_with(
         gone(session)
         power.on(host_firmware)
         wait_for(lambda: session.end_reason)
-        assert "controls a position, the folder does not" in session.end_reason
+        assert "controls a position, but the folder does not" in session.end_reason
 
 
 def test_a_search_has_an_end(power: Power, manifest: Manifest) -> None:

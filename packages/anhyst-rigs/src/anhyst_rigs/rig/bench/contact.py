@@ -188,7 +188,7 @@ class Contact:
     def check_same_controller(self, before: Contact) -> None:
         """Raise OtherFirmware if this controller differs from that of an earlier contact."""
         line, earlier_line = self.line, before.line
-        identity = attrgetter("name", "body", "signals", "every")
+        identity = attrgetter("name", "body", "signals", "tick_interval")
         if identity(line) != identity(earlier_line):
             raise OtherFirmware(
                 f"{line.url}: '{line.name}' answers with {len(line.signals)} signals instead of "
