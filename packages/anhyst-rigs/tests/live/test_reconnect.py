@@ -156,7 +156,7 @@ def test_another_firmware_is_not_gone_on_with(
 
 def test_a_search_has_an_end(power: Power, manifest: Manifest) -> None:
     power.on()
-    with closing(LiveSession(opened(power, manifest, patience=0.3))) as session:
+    with closing(LiveSession(opened(power, manifest, search_time=0.3))) as session:
         session.start()
         power.off()
         wait_for(lambda: session.end_reason)
