@@ -97,9 +97,8 @@ class CalibratedMethod(Table):
     residual_N: NotNegative  # rms of measured minus predicted force
     force_N: NotNegative  # rms of the measured force; 0 if it was too small for an estimate
     fits: bool  # whether the residual is as small as that of a suitable law
-    refused: Annotated[int, Field(ge=0)] = (
-        0  # number of motions that were rejected because the law did not explain them
-    )
+    # number of motions that were rejected because the law did not explain them
+    refused: Annotated[int, Field(ge=0)] = 0
     mass_kg: Positive | None = None  # mass with which the law explains the last rejected motion
     parameter: list[CalibratedParameter]
 

@@ -82,28 +82,23 @@ class RigFile(Table):
     spread: rig_tables.SpreadTable = Field(default_factory=rig_tables.SpreadTable)
 
     magnet: ClassVar = RequiredTable("magnets", MagnetTable)  # the one that the others copy
-    opposite: ClassVar = OptionalTable(
-        "magnets", LikeTable
-    )  # the magnet on the opposite side of the body
+    # the magnet on the opposite side of the body
+    opposite: ClassVar = OptionalTable("magnets", LikeTable)
     solenoid: ClassVar = OptionalTable("magnets", SolenoidTable)
     stack: ClassVar = RequiredTable("stacks", rig_tables.StackTable)
     amplifier: ClassVar = RequiredTable("amplifiers", rig_tables.AmplifierTable)  # of each coil
     stack_amplifier: ClassVar = RequiredTable("amplifiers", rig_tables.StackAmplifierTable)
     body: ClassVar = RequiredTable("bodies", rig_tables.BodyTable)
-    flexure: ClassVar = RequiredTable(
-        "bodies", rig_tables.FlexureTable
-    )  # a body that is pushed by a stack
+    # a body that is pushed by a stack
+    flexure: ClassVar = RequiredTable("bodies", rig_tables.FlexureTable)
     gap_sensor: ClassVar = RequiredTable("sensors", sensor_table.GapSensorTable)
-    current_sensor: ClassVar = RequiredTable(
-        "sensors", sensor_table.CurrentSensorTable
-    )  # of each coil
-    force_sensor: ClassVar = RequiredTable(
-        "sensors", sensor_table.ForceSensorTable
-    )  # measures the loops
+    # of each coil
+    current_sensor: ClassVar = RequiredTable("sensors", sensor_table.CurrentSensorTable)
+    # measures the loops
+    force_sensor: ClassVar = RequiredTable("sensors", sensor_table.ForceSensorTable)
     hall_probe: ClassVar = OptionalTable("sensors", sensor_table.FluxSensorTable)
-    position_sensor: ClassVar = RequiredTable(
-        "sensors", sensor_table.PositionSensorTable
-    )  # position in space
+    # position in space
+    position_sensor: ClassVar = RequiredTable("sensors", sensor_table.PositionSensorTable)
     step: ClassVar = RequiredTable("cases", case_table.StepCase)
     load_case: ClassVar = OptionalTable("cases", case_table.LoadCase)
     scan: ClassVar = RequiredTable("cases", case_table.ScanCase)

@@ -86,9 +86,8 @@ def find_closings(loop: Loop) -> Iterator[Closing]:
             overshoot = direction * (end - opening_input) / span
             if overshoot < -_RETURN_TOLERANCE:
                 break
-            has_passed = int(
-                overshoot > _RETURN_TOLERANCE
-            )  # otherwise it reverses again at the same point
+            # otherwise it reverses again at the same point
+            has_passed = int(overshoot > _RETURN_TOLERANCE)
             if number - has_passed < len(branches):
                 yield Closing(
                     opening_input,

@@ -159,9 +159,8 @@ class BusTap:
     """A firmware on any board whose samples may be changed or withheld."""
 
     def __init__(self, exchange: Exchange) -> None:
-        self.change_sample: Callable[[PlantSample], PlantSample] | None = (
-            None  # changes a sensor sample; None: unchanged
-        )
+        # changes a sensor sample; None: unchanged
+        self.change_sample: Callable[[PlantSample], PlantSample] | None = None
         self.ticks_to_skip = 0  # number of next ticks that are withheld from the firmware
         self.exchange, self._call = exchange, _TickFunction(self._exchange_tick)
         self._last_answer = PlantDrive(*(0 for _ in fields(PlantDrive)))

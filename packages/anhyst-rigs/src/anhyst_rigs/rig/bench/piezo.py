@@ -65,9 +65,8 @@ class PiezoBench(CycleBench):
         case, rate = rig.settings.displacement_case, float(rig.settings.timing.rate_Hz)
         self.rig, self.rate = rig, rate
         self._inverses = tuple(inverses)
-        self._max_displacement = inverses[
-            0
-        ].scales.demand  # largest displacement of the measured loops, m
+        # largest displacement of the measured loops, m
+        self._max_displacement = inverses[0].scales.demand
         self.demand_range = DemandRange(
             "position", "reference", "m", -case.low_m, self._max_displacement - case.low_m, 0.0
         )
@@ -109,9 +108,8 @@ class PiezoBench(CycleBench):
         plant = replace(self.rig, settings=drifted_file(settings, drift))
         self._loop = PiezoLoop(plant.make_motion(self.rig.dt), settings.position_sensor.step_m)
         self._drives = [copy_at_rest(inverse) for inverse in self._inverses]
-        self._expected_displacements = np.zeros(
-            len(self._drives)
-        )  # displacement that each inverse predicts, m
+        # displacement that each inverse predicts, m
+        self._expected_displacements = np.zeros(len(self._drives))
         self._plant_ticks = 0  # ticks of the present plant
         self._delay_ticks = math.ceil(self.rig.response_delay * self.rate) + 1
         self._past = np.full(

@@ -87,18 +87,17 @@ class StageCycle(NamedTuple):
     """A completed or active run along the set-point."""
 
     number: int
-    first_tick: int  # its first tick
+    first_tick: int
     tick_count: int
-    history_start: (
-        int  # first tick whose currents form the history of the iron; it was demagnetised before
-    )
+    # first tick whose currents form the history of the iron; it was demagnetised before
+    history_start: int
     motion: SetPoint
     conditions: tuple[object, ...]  # all conditions except corrections, such as plant and gains
     setup: StageSetup  # active setup with its estimated corrections
 
     @property
     def last_tick(self) -> int:
-        """Its last tick."""
+        """Last tick of the cycle."""
         return self.first_tick + self.tick_count - 1
 
     @property
@@ -199,7 +198,7 @@ class StageBench(CycleBench):
         self._plant.place((-stray * along).tolist(), [0.0] * along.size)
         self._active_course: SampledMotion | None = None
         self._course_tick, self._course_start = 0, 0.0
-        self._past_accelerations = np.zeros(round(STRAY_DELAY_S / self.rig.dt))  # accelerations
+        self._past_accelerations = np.zeros(round(STRAY_DELAY_S / self.rig.dt))
         self._history: deque[FloatArray] = deque()
         free = len(self.rig.settings.body.free)
         self._latest_history = np.zeros((0, 2 * (self._magnets + free)))
@@ -352,9 +351,8 @@ class StageBench(CycleBench):
         scenario.command[0], self._next_command = self._next_command, Command.NONE
         load = self._load - self._cable_stiffness * place[:-1]
         run = self._loop.run(replace(scenario, load=load))
-        is_held = (
-            self._state is not State.IDLE and not self._is_lifting_or_landing
-        )  # otherwise it may lie on a stop
+        # otherwise it may lie on a stop
+        is_held = self._state is not State.IDLE and not self._is_lifting_or_landing
         loss = find_stage_loss(rig, run, len(fed)) if is_held else None
         run = run.slice_ticks(0, len(fed) if loss is None else loss.tick + 1)
         columns = (
