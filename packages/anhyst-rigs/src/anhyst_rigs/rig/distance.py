@@ -166,12 +166,12 @@ class PlantCheck:
         }
 
 
-def thin_loops(loops: Loops, max_samples: int) -> Loops:
-    """Remove samples evenly until at most `max_samples` remain.
+def thin_loops(loops: Loops, sample_count: int) -> Loops:
+    """Remove samples evenly so that about `sample_count` remain.
 
     A reversal moves by less than the new distance between samples.
     """
-    stride = -(-sum(loop.n for loop in loops.loops) // max_samples)
+    stride = -(-sum(loop.n for loop in loops.loops) // sample_count)
     if stride == 1:
         return loops
     return loops.with_loops(

@@ -447,7 +447,7 @@ class StageBench(CycleBench):
         self._offset = value
 
     def load(self, force: float) -> None:
-        """Push the body along the set-point with a force, N, unknown to the controller."""
+        """Push the body towards larger positions by a force, N, unknown to the controller."""
         self._load = min(max(force, -self.max_load), self.max_load)
 
     def parameters(self) -> tuple[Parameter, ...]:

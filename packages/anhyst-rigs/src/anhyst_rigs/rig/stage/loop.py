@@ -49,7 +49,7 @@ from anhyst_rigs.rig.stage.recording import find_stage_loss, recording_columns
 from anhyst_rigs.rig.stage.setpoint import SetPoint, frame_stray, motion_ticks, tick_times
 
 CONSTANT_METHODS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
-"""Methods with constants; the force is allocated with a constant bias at which they are fitted."""
+"""Methods with constants; pairs work in class A about the bias at which the constants are fitted."""
 MAX_POSE_STOP_RATIO = 2.0
 """Largest plausible pose relative to the end stops; a larger reading is rejected."""
 
@@ -105,7 +105,7 @@ def pid_coefficients(rig: BodyRig) -> dict[str, float]:
 
     jw = 1j * omega
     gain = rig.settings.body.mass_kg * omega**2 / abs(shape(jw))
-    # gain*(s + low)*(1 + s/lead)/(s*(1 + s/high)), s = fast*(z - 1)/(z + 1)
+    # gain*(s + low)*(1 + s/lead)/(s*(1 + s/high)), s = bilinear_rate*(z - 1)/(z + 1)
     bilinear_rate = 2.0 / dt
     numerator_s = (1.0 / lead, 1.0 + low / lead, low)
     denominator_s = (1.0 / high, 1.0, 0.0)
