@@ -95,7 +95,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
 
 def test_a_recorder_gets_every_tick_in_order(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter(), paused=True)
-    recorder = pacer.subscribe("recorder", is_complete=True)
+    recorder = pacer.subscribe("recorder", needs_every_tick=True)
     pacer.resume()
     time.sleep(0.3)
     pacer.close()
@@ -123,7 +123,7 @@ def test_who_looks_on_slowly_loses_the_oldest_and_stalls_nobody(
 
 def test_time_waits_for_a_recorder_that_has_no_room(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter(), paused=True)
-    recorder = pacer.subscribe("disk", max_chunks=3, is_complete=True)
+    recorder = pacer.subscribe("disk", max_chunks=3, needs_every_tick=True)
     pacer.resume()
     wait_for(lambda: pacer.pacing().awaited_recorder == "disk")
     stands = pacer.pacing().tick
@@ -176,7 +176,7 @@ def test_a_pause_stops_virtual_time_and_a_step_is_one_tick(
 def test_all_that_is_done_together_acts_on_one_tick(paced: Callable[..., PacedBench]) -> None:
     bench = Counter()
     pacer = paced(bench, paused=True)
-    recorder = pacer.subscribe("recorder", max_chunks=1000, is_complete=True)
+    recorder = pacer.subscribe("recorder", max_chunks=1000, needs_every_tick=True)
     pacer.resume()
 
     def both(given: float) -> int:
@@ -202,7 +202,7 @@ def test_all_that_is_done_together_acts_on_one_tick(paced: Callable[..., PacedBe
 def test_a_bench_that_falls_behind_slows_down_and_says_so(paced: Callable[..., PacedBench]) -> None:
     bench = Counter(cost=2.0 / RATE)  # twice as long as there is time
     pacer = paced(bench, paused=True)
-    recorder = pacer.subscribe("recorder", max_chunks=10_000, is_complete=True)
+    recorder = pacer.subscribe("recorder", max_chunks=10_000, needs_every_tick=True)
     pacer.resume()
     wait_for(lambda: pacer.pacing().slip_count >= 2)
     pace = pacer.pacing()
@@ -233,7 +233,7 @@ def test_a_bench_that_ends_ends_all_queues_and_says_why(paced: Callable[..., Pac
     bench = Counter()
     bench.ends = 1000
     pacer = paced(bench, paused=True)
-    recorder = pacer.subscribe("recorder", is_complete=True)
+    recorder = pacer.subscribe("recorder", needs_every_tick=True)
     pacer.resume()
     rows = drain(recorder)
     assert len(rows) == 1000

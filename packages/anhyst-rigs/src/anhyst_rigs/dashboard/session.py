@@ -130,7 +130,7 @@ class LiveSession:
             self.recorder.start_in_file(recording, RecordingSpan(), 0)
             self._note_parameters()
         self.pacer = PacedBench(self.bench, is_paused=True)
-        complete = self.pacer.subscribe("the recording", is_complete=True)
+        complete = self.pacer.subscribe("the recording", needs_every_tick=True)
         self._threads = [
             _start_thread("pages", self._pass_rows, self.pacer.subscribe("pages")),
             _start_thread("recorder", self.recorder.run, complete),

@@ -73,7 +73,8 @@ def identify_magnet_with_ripple(
         > _MIN_STANDARD_ERRORS**2
     )
     if is_better and alternative.model.acceptance().passed is not False and is_usable(alternative):
-        text = f"law {_ACCOMMODATING_LAW} is used, which drifts as well; 'fused' with a probe is better"
+        text = f"law {_ACCOMMODATING_LAW} is used, which drifts as well; "
+        text += "'fused' with a probe is better"
     elif is_better or cell_error > _MAX_NOISE_MEAN_SQUARE:
         alternative = cell_magnet
         text = "no law follows this; 'single-valued' may be better than 'full', and a probe is"

@@ -133,7 +133,7 @@ def measure_at_gap(
             specimen, sensors, gap, path, sample if fast_rates else math.inf
         )
         loop = Loop(
-            label=f"{(rounded_gap if float(rounded_gap) == float(exact_gap) else exact_gap)}mm-{name}",
+            label=f"{rounded_gap if float(rounded_gap) == float(exact_gap) else exact_gap}mm-{name}",
             input=current,
             output=force,
             schedule=np.full(path.size, gap),

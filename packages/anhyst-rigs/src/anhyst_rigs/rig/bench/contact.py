@@ -192,8 +192,8 @@ class Contact:
         if identity(line) != identity(earlier_line):
             raise OtherFirmware(
                 f"{line.url}: '{line.name}' answers with {len(line.signals)} signals instead of "
-                f"'{earlier_line.name}' with {len(earlier_line.signals)}; this is another firmware, restart "
-                "with its folder",
+                f"'{earlier_line.name}' with {len(earlier_line.signals)}; "
+                "this is another firmware, restart with its folder",
                 code="other-firmware",
             )
 

@@ -82,10 +82,10 @@ class PacedBench:
         self._thread.start()
 
     def subscribe(
-        self, name: str, max_chunks: int = 100, is_complete: bool = False
+        self, name: str, max_chunks: int = 100, needs_every_tick: bool = False
     ) -> Subscription:
         """Add a subscriber that receives all chunks from the next one on."""
-        subscription = Subscription(name, max_chunks, is_complete)
+        subscription = Subscription(name, max_chunks, needs_every_tick)
         with self._wake:
             if self._is_closing:
                 subscription.close()

@@ -131,20 +131,20 @@ class Parameter(NamedTuple):
 class Knobs:
     """Adjustable parameters of a rig that are not settings of its controller."""
 
-    def __init__(self, *known: Parameter) -> None:
-        self._known = {parameter.name: parameter for parameter in known}
+    def __init__(self, *parameters: Parameter) -> None:
+        self._parameters = {parameter.name: parameter for parameter in parameters}
 
     def __getitem__(self, name: str) -> float:
-        return self._known[name].value
+        return self._parameters[name].value
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return all parameters with their present values."""
-        return tuple(self._known.values())
+        return tuple(self._parameters.values())
 
     def apply(self, values: Mapping[str, float]) -> None:
         """Set values; names of other parameters are ignored."""
-        for name in values.keys() & self._known.keys():
-            self._known[name] = self._known[name]._replace(value=values[name])
+        for name in values.keys() & self._parameters.keys():
+            self._parameters[name] = self._parameters[name]._replace(value=values[name])
 
 
 class Bench(ABC):
@@ -203,9 +203,9 @@ class Bench(ABC):
 class Subscription:
     """A bounded queue of chunks of rows, in order, for one subscriber."""
 
-    def __init__(self, name: str, max_chunks: int, is_complete: bool) -> None:
+    def __init__(self, name: str, max_chunks: int, needs_every_tick: bool) -> None:
         self.name = name
-        self.is_complete = is_complete
+        self.needs_every_tick = needs_every_tick
         self.missed_ticks = 0
         self.has_ended = False  # no further chunks are added
         self._max_chunks = max_chunks
@@ -228,7 +228,11 @@ class Subscription:
     def needs_wait(self) -> bool:
         """Whether the bench must wait for a full queue of a subscriber that needs every tick."""
         with self._changed:
-            return self.is_complete and not self.has_ended and len(self._chunks) >= self._max_chunks
+            return (
+                self.needs_every_tick
+                and not self.has_ended
+                and len(self._chunks) >= self._max_chunks
+            )
 
     def put(self, chunk: FloatArray) -> None:
         """Append a chunk.
@@ -238,7 +242,7 @@ class Subscription:
         with self._changed:
             if self.has_ended:
                 return
-            while not self.is_complete and len(self._chunks) >= self._max_chunks:
+            while not self.needs_every_tick and len(self._chunks) >= self._max_chunks:
                 self.missed_ticks += len(self._chunks.popleft())
             self._chunks.append(chunk)
             self._changed.notify_all()
@@ -289,19 +293,21 @@ def controller_status(values: Mapping[str, float]) -> ControllerStatus:
     )
 
 
-def refusal_reason(command: Command, now: ControllerStatus) -> str:
+def refusal_reason(command: Command, status: ControllerStatus) -> str:
     """Return why a controller would refuse a command; empty if it would execute it."""
-    states = _permitted_states(command, now.levitates)
-    if command in _STAGE_COMMAND_STATES and not now.levitates:
-        return "" if now.name in states else f"only in the state {states[0]}, not in {now.name}"
-    hindrance = obstacle(command, **now._asdict())
+    states = _permitted_states(command, status.levitates)
+    if command in _STAGE_COMMAND_STATES and not status.levitates:
+        return (
+            "" if status.name in states else f"only in the state {states[0]}, not in {status.name}"
+        )
+    hindrance = obstacle(command, **status._asdict())
     if hindrance == "current":
         return "only once the current is zero"
     if hindrance != "state":
         return hindrance and "this controller has no such command"
-    if now.name not in states:
-        return f"only in the state {' or '.join(states)}, not in {now.name}"
-    return "only once the armature is down" if now.plausible else "only with a plausible sample"
+    if status.name not in states:
+        return f"only in the state {' or '.join(states)}, not in {status.name}"
+    return "only once the armature is down" if status.plausible else "only with a plausible sample"
 
 
 def check_stage_command(command: Command, commands: Sequence[Command], state: State) -> None:
@@ -314,11 +320,11 @@ def check_stage_command(command: Command, commands: Sequence[Command], state: St
         raise InputError(f"{name}: {reason}", code="wrong-state", key=name)
 
 
-def describe_next_step(commands: Sequence[Command], now: ControllerStatus) -> str:
+def describe_next_step(commands: Sequence[Command], status: ControllerStatus) -> str:
     """Return in words which commands lead to the state run; empty in this state."""
-    if now.state is State.RUN:
+    if status.state is State.RUN:
         return ""
-    if Command.RUN in commands and now.state is not State.IDLE:
+    if Command.RUN in commands and status.state is not State.IDLE:
         # The body is lifted already, or is lifted after the command clear.
         commands = [command for command in commands if command is not Command.LIFT]
     permitted_steps = [
@@ -328,11 +334,11 @@ def describe_next_step(commands: Sequence[Command], now: ControllerStatus) -> st
     possible_starts = [
         n
         for n, step in enumerate(path)
-        if any(now.name in _permitted_states(command, now.levitates) for command in step)
+        if any(status.name in _permitted_states(command, status.levitates) for command in step)
     ]
-    start = possible_starts[-1] if possible_starts else 1 + now.conditioning
+    start = possible_starts[-1] if possible_starts else 1 + status.conditioning
     steps = ", then ".join(_step_text(step) for step in path[start:])
-    reason = refusal_reason(path[start][0], now) if possible_starts else f"after {now.name}"
+    reason = refusal_reason(path[start][0], status) if possible_starts else f"after {status.name}"
     return f"{reason}: press {steps}" if reason else f"press {steps}"
 
 

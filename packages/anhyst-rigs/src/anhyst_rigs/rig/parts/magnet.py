@@ -227,8 +227,8 @@ def _check_full(
         first_hole = _point_text(gaps[holes[0, 0]], currents[holes[0, 1]])
         further_text = f" and at {len(holes) - 1} other points" if len(holes) > 1 else ""
         raise InputError(
-            f"{path}: has a hole at {first_hole}{further_text}; {gaps.size} gaps and {currents.size} currents "
-            "must form a full grid; add the missing points",
+            f"{path}: has a hole at {first_hole}{further_text}; {gaps.size} gaps and "
+            f"{currents.size} currents must form a full grid; add the missing points",
             code="grid-has-holes",
         )
 

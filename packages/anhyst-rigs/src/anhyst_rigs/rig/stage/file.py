@@ -171,6 +171,6 @@ def _pose_faults(file: RigFile) -> Iterator[FileFault]:
             text = (
                 f"{file.body.mass_kg:g} kg need {required_force:.4g} N, but the magnets can apply "
             )
-            text += f"{max_force:.4g} N along the set-point in both directions in addition to the weight"
-            text += "; lower it"
+            text += f"{max_force:.4g} N along the set-point in both directions in "
+            text += "addition to the weight; lower it"
             yield FileFault(file.key_path(file.scan, key), text, code="load-too-large")

@@ -49,7 +49,7 @@ from anhyst_rigs.rig.stage.recording import find_stage_loss, recording_columns
 from anhyst_rigs.rig.stage.setpoint import SetPoint, frame_stray, motion_ticks, tick_times
 
 CONSTANT_METHODS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
-"""Methods with constants; pairs work in class A about the bias at which the constants are fitted."""
+"""Methods with constants; pairs work in class A about the bias at which these are fitted."""
 MAX_POSE_STOP_RATIO = 2.0
 """Largest plausible pose relative to the end stops; a larger reading is rejected."""
 
