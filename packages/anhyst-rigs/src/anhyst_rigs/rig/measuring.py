@@ -118,7 +118,7 @@ def measure_at_gap(
         for record in campaign.records
     ]
     cycles = [0.0, *[high, 0.0] * FAST_CYCLES]
-    rounded_gap, exact_gap = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
+    rounded, exact = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
     runs += [
         (f"{speed:g}A/s", cycles, speed, 2.0 * high / (speed * SAMPLES_PER_FAST_CYCLE))
         for speed in fast_rates
@@ -133,7 +133,7 @@ def measure_at_gap(
             specimen, sensors, gap, path, sample if fast_rates else math.inf
         )
         loop = Loop(
-            label=f"{rounded_gap if float(rounded_gap) == float(exact_gap) else exact_gap}mm-{name}",
+            label=f"{rounded if float(rounded) == float(exact) else exact}mm-{name}",
             input=current,
             output=force,
             schedule=np.full(path.size, gap),
