@@ -1,4 +1,4 @@
-"""A stage of one coordinate from its file: along any axis, with what it cannot do refused."""
+"""Test the file of a stage with one coordinate: any axis, and rejected files."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ ALONG_Z = {
     "[22.0, 16.0, 8.0, 20.0, 12.0]": "[12.0, 8.0]",
     "[22.0, 10.0, 18.0, 6.0, 14.0, 22.0]": "[12.0, 6.0, 10.0]",
 }
-"""The example stood up: the second magnet carries its weight."""
+"""The example along z: the second magnet carries the weight."""
 
 
 def rig_file(folder: Path, changes: dict[str, str]) -> Path:
-    """Write the example with some of its lines changed."""
+    """Write the example with some changed lines."""
     text = TEXT
     for old, new in changes.items():
         assert text.count(old) == 1, old
