@@ -39,10 +39,8 @@ class Body:
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s2
     stiffness: tuple[float, float] = (0.0, 0.0)  # stiffness of the springs, N/m and N m/rad
     damping: tuple[float, float] = (0.0, 0.0)  # damping of the guide, N s/m and N m s/rad
-    cable: tuple[float, float] = (
-        0.0,
-        0.0,
-    )  # stiffness and damping of the cable, N/m and N s/m, at :data:`CABLE`
+    # stiffness and damping of the cable, N/m and N s/m, at :data:`CABLE`
+    cable: tuple[float, float] = (0.0, 0.0)
     axes: Sequence[int] = range(6)
     lines: Sequence[tuple[tuple[float, float, float], tuple[float, float, float]]] = LINES
 
