@@ -63,7 +63,7 @@ enum {
   ANHYST_WORD_CURRENT_LOW = 13, /* q15: smallest current */
   ANHYST_WORD_CURRENT_HIGH = 14, /* q15: largest current */
   ANHYST_WORD_CURRENT_SHIFT = 15, /* 0..8: 1.0 of the internal current is 2^this times full scale */
-  ANHYST_WORD_FLUX_LIMIT = 16, /* q14: largest flux of a solution, relative to saturated iron */
+  ANHYST_WORD_FLUX_LIMIT = 16, /* q14: largest flux of a solution; 1.0 is saturation */
   ANHYST_WORD_FLUX_SHIFT = 17, /* 0..6: flux = root*gain*2^this */
   ANHYST_WORD_GAP_SEGMENTS = 18, /* 0..6: tables over the gap have 2^this segments */
   ANHYST_WORD_GAP_GAIN = 19, /* table, weight: flux at full-scale demand, over the gap */
