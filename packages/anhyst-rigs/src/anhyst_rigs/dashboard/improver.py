@@ -252,8 +252,7 @@ class Improver:
         return self.known_model
 
     def cancel(self) -> None:
-        """End the running job without a result; a measurement on the controller first stops the
-        rig."""
+        """End the running job without a result; a measurement first stops the rig."""
         if isinstance(self._job, BoardJob):
             self._job.cancel()
             return
