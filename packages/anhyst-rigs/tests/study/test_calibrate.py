@@ -112,7 +112,7 @@ def test_where_the_law_does_not_fit_nothing_is_taken_or_written(tmp_path: Path) 
     found = calibrate(rig, recorded(), out, magnet=bearings.knowledge(), methods=["full"])
     assert not found.has_estimates
     assert not out.exists()
-    assert "nothing is taken" in found.facts()["full"]
+    assert "no correction is applied" in found.facts()["full"]
 
 
 def test_numbers_that_do_not_fit_correct_nothing() -> None:

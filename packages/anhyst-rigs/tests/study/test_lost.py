@@ -40,7 +40,7 @@ def within(values: list[float]) -> SignalBound:
         ([0.0, 0.9, -0.9], 3, None),
         ([0.0, 1.0, 0.0], 3, Loss(1, "too far")),
         ([0.0, 0.0, math.nan], 3, Loss(2, "a value was not finite")),
-        ([0.0, 0.5], 3, Loss(2, "the simulation lost all bounds")),
+        ([0.0, 0.5], 3, Loss(2, "the simulation diverged")),
         ([], 0, None),
     ],
 )
