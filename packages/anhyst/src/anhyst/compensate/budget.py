@@ -28,16 +28,12 @@ class Budget:
 
     reference_output: float  # output to which per cent refer
     unit: str  # of the output
-    required: (
-        float | None
-    )  # accuracy that was asked for, in units of the output; None where none was
+    required: float | None  # requested accuracy, in units of the output; None: none was requested
     parts: tuple[BudgetPart, ...]  # each switched on alone
     compiled: BudgetPart  # everything that compiling adds, switched on together
     # all parts: worst ones added up, which no path need ever reach; rms as a root of squares
     total: BudgetPart
-    drift: (
-        BudgetPart  # of an output that is held, in :data:`~anhyst.compensate.output_drift.SECONDS`
-    )
+    drift: BudgetPart  # of a held output
     held_demands: tuple[HeldDemand, ...]  # what was held for that
     # the paths with everything switched on, and the deviation along each
     runs: tuple[tuple[PathRun, FloatArray], ...]

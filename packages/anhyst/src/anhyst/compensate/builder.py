@@ -47,9 +47,7 @@ class BlockBuilder:
     limits: DemandLimits
     conditioning: Conditioning = field(default_factory=Conditioning)
     model_hash: int = 0
-    dynamic_model: Model | None = (
-        None  # the model with its layers or its lag, where these are compiled
-    )
+    dynamic_model: Model | None = None  # with layers or lag; None if neither is compiled
 
     @property
     def block_kind(self) -> Kind:

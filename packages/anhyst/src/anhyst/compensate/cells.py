@@ -31,9 +31,7 @@ class RowGrid:
     """Where a row has its entries: narrow segments around zero, wide ones beyond."""
 
     segment_exponent: int  # 2 to this are on each side of zero up to the zone
-    zone_exponent: (
-        int  # it ends at 2**-this of the largest field; segments are 2**this times as wide beyond
-    )
+    zone_exponent: int  # the inner zone ends at 2**-zone_exponent of the largest field
 
     @property
     def zone_end(self) -> float:

@@ -36,9 +36,8 @@ class PathRun:
     path: DemandPath  # what was demanded
     current: FloatArray  # what was applied, in units of the input; shape (n,)
     output: FloatArray  # what the exact model makes of it; shape (n,)
-    is_evaluated: NDArray[
-        np.bool_
-    ]  # samples at which the current was the compensator's own; shape (n,)
+    # whether the applied current was that of the compensator; shape (n,)
+    is_evaluated: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)

@@ -121,9 +121,7 @@ def compile_inverse(
     restricted = restrict_model(model, operating.currents, operating.forces, operating.gap_range)
     has_layers = kind == "full" and restricted.has_layers
     restricted = restricted if has_layers else restricted.at_rest
-    needs_float_tables = number_format != "fixed" and (
-        has_layers or operating.is_bipolar
-    )  # tables for floats
+    needs_float_tables = number_format != "fixed" and (has_layers or operating.is_bipolar)
     io: Io = "f32" if needs_float_tables else "q31"
     request = CompileRequest(kind, io, operating.rate)
     plan = cached_result("plans", lambda: make_plan(restricted, request, 0), restricted, request)
@@ -137,9 +135,7 @@ class FluxGains:
 
     proportional: float  # A/T
     integral: float  # in a tick, A/T
-    anti_windup: (
-        float  # share of a current beyond the limits which the integral takes back in a tick
-    )
+    anti_windup: float  # share of an excess of current that the integral removes in one tick
     # share of a step of the wanted flux density that is expected to show a tick later
     smoothing: float
     crossover: float  # of the flux loop, rad/s
