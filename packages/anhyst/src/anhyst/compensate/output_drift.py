@@ -20,15 +20,20 @@ from anhyst.compensate.plan import Plan
 from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
 
-HOLD_TIME_S, NOISE_TIME_S = 60.0, 10.0
-"""For which a demand is held, and for which sensors are noisy or the gap walks at random."""
+HOLD_TIME_S = 60.0
+"""Time for which a demand is held, at standstill or with a vibrating gap."""
+
+NOISE_TIME_S = 10.0
+"""Time for which a demand is held with sensor noise or with a random walk of the gap."""
 
 MAX_SIMULATED_RATE_HZ = 20_000.0
 """Ticks a second that are simulated at most: faster ones divide the same movements more finely."""
 
-RETURN_PERIOD_S, MIN_RETURN_TICKS = 0.01, 16
-"""Seconds after which gap and demand are back at home, exactly, and the ticks of that at least: a
-vibration of 100 Hz, or slower at a slow controller."""
+RETURN_PERIOD_S = 0.01
+"""Period after which gap and demand return exactly to the home values: a vibration of 100 Hz."""
+
+MIN_RETURN_TICKS = 16
+"""Minimum number of ticks of a return period. A slow controller gets a slower vibration."""
 
 RETURNS_PER_BATCH = 20
 """Returns that are computed at once."""
@@ -42,9 +47,12 @@ VIBRATION_AMPLITUDES = (1.0 / 60.0, 1.0 / 6.0)
 WALK_SPREAD = 1.0 / 12.0
 """Spread of the gap's random walk between two returns, in parts of its range."""
 
-DEMAND_NOISE, GAP_NOISE = 5e-4, 5e-4
-"""Standard deviation, in parts of the ranges: what a position controller makes of its sensor's
-noise, and the sensor's own."""
+DEMAND_NOISE = 5e-4
+"""Standard deviation of the demand, as a fraction of its range: a position controller amplifies
+the noise of its sensor to this size."""
+
+GAP_NOISE = 5e-4
+"""Standard deviation of the measured gap, as a fraction of its range."""
 
 SEED = 5
 APPROACH_RAMP_TICKS = 100

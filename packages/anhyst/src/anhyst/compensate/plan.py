@@ -99,8 +99,8 @@ ROUND_MANTISSAS = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 DEFAULT_ACCURACY_PERCENT = 0.1
 """Per cent of the largest output that formats and tables may cost where nothing else is asked."""
 
-MIN_ACCURACY_PERCENT, MAX_ACCURACY_PERCENT = 1e-3, 50.0
-"""Accuracies that make sense, per cent."""
+MIN_ACCURACY_PERCENT = 1e-3
+MAX_ACCURACY_PERCENT = 50.0
 
 RATE_RANGE_HZ = (1.0, 1e6)
 

@@ -43,7 +43,8 @@ from anhyst.support.units import Quantity
 
 LOST_MAGNET_ROWS = 200
 """Of the golden vectors the last, in which the first magnet is lost."""
-FORCE_CURRENT_UNITS, GAP_QUANTITY = SignalUnits("N", "A"), Quantity("gap", "gap", "m")
+FORCE_CURRENT_UNITS = SignalUnits("N", "A")
+GAP_QUANTITY = Quantity("gap", "gap", "m")
 TABLE_COMMENTS = {
     "pull": "Wrench of 1 N of each magnet, N and N m, a row a magnet.",
     "see": "Pose of what the heads read, a row a coordinate.",

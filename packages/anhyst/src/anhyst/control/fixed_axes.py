@@ -17,10 +17,13 @@ from anhyst._core import FixedAxes, FixedForceController, ForceController, Force
 from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray, to_q31
 
-_ROW_BITS, _ROW_SHIFT = 27, 58
-_PID_BITS, _PID_SHIFT = 29, 29
+_ROW_BITS = 27
+_MAX_ROW_SHIFT = 58
+_PID_BITS = 29
+_MAX_PID_SHIFT = 29
 _MIN_PID_NUMBER = 512  # rounded to 0.1 %
-_Q31, _Q30 = 2.0**31, 2.0**30
+_Q31 = 2.0**31
+_Q30 = 2.0**30
 FULL_SCALE_MARGIN = 2.0
 """By how much full scales are larger than what is believed or can be made."""
 
@@ -189,7 +192,7 @@ def _scale_rows(name: str, values: FloatArray) -> Words:
     shift = np.floor(_ROW_BITS - np.log2(np.maximum(size, 2.0**-1000)))
     if (shift < 0.0).any():
         raise _range_error("large", name)
-    shift = np.minimum(shift, _ROW_SHIFT)
+    shift = np.minimum(shift, _MAX_ROW_SHIFT)
     return {name: np.round(values * 2.0 ** shift[:, None]), f"{name}_shift": shift[:, None]}
 
 
@@ -204,7 +207,7 @@ def _pid_words(filter_: Sequence[float], gain: float) -> list[float]:
     c1, c0, decay = b1 - b0 * a1, b2 - b0 * pole, 1.0 - pole
     parts = [gain * b0, gain * (c1 + c0) / decay, -gain * (c1 * pole + c0) / decay]
     size = max(abs(parts[0]), abs(parts[1]), abs(parts[2]) / min(decay, 1.0))
-    shift = min(math.floor(_PID_BITS - math.log2(size)), _PID_SHIFT)
+    shift = min(math.floor(_PID_BITS - math.log2(size)), _MAX_PID_SHIFT)
     numbers = [round(part * 2.0**shift) for part in parts]
     if shift < 0:
         raise _range_error("large", "control.crossover_Hz")

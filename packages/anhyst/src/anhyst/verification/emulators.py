@@ -27,9 +27,11 @@ from anhyst.verification.protocol import (
     time_limit_error,
 )
 
-TIME_LIMIT_S, TIME_PER_STEP_S = 60.0, 0.02  # s, of an answer; a step of solid iron takes 1 ms
+TIME_LIMIT_S = 60.0  # for an answer
+TIME_PER_STEP_S = 0.02  # added for each step; a step of solid iron takes 1 ms
 FLASH_BYTES = 256 * 1024
-RAM_ADDRESS, RAM_BYTES = 0x20000000, 64 * 1024
+RAM_ADDRESS = 0x20000000
+RAM_BYTES = 64 * 1024
 
 CostFunction = Callable[[Image, bytes], Prefix]
 

@@ -15,8 +15,13 @@ Words = NDArray[np.uint32]
 CHECKPOINT_COUNT = 64
 WINDOW_RECORDS = 48
 
-START, RANDOM, VECTORS, STACK = range(4)
-AS_SOLVED, AS_GIVEN, ON_GRID = range(3)
+START = 0  # modes of a request
+RANDOM = 1
+VECTORS = 2
+STACK = 3
+AS_SOLVED = 0  # applied current: the solved one
+AS_GIVEN = 1  # applied current: the given one
+ON_GRID = 2  # applied current: the solved one, rounded to the grid of a converter
 
 RECORD_WORDS = 18
 
