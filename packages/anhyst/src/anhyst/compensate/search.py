@@ -68,7 +68,7 @@ MAX_WORDS_BY_KIND: dict[Kind, int] = {
     "simplified": 1024,
     "euler": 1024,
 }
-"""Words of a block."""
+"""Maximum number of words of a block."""
 
 ITERATION_RANGE = range(2, 12)
 
