@@ -1,9 +1,9 @@
-"""The accuracy budget: what each step from model to C costs, alone and together, measured.
+"""Measure the accuracy budget: the error of each step from the model to C.
 
-The compensator's currents go through the exact model in double precision; what comes out is
-compared with what was demanded, over nested loops, random reversals, full-range jumps in one
-sample and a moving gap, all of it on other paths than those the plan was made on. That is while the
-demand travels; what becomes of one that is held is measured apart (:mod:`.output_drift`).
+The currents of the compensator are applied to the exact model in double precision. The error is the
+output minus the demand, over nested loops, random reversals, full-range jumps in one sample, and a
+moving gap. These paths differ from those of the search. The drift of a held demand is measured
+separately (:mod:`.output_drift`).
 """
 
 from __future__ import annotations
@@ -26,25 +26,26 @@ from anhyst.support.numeric import FloatArray, rms
 class Budget:
     """Measured error budget of a compensator."""
 
-    reference_output: float  # output to which per cent refer
-    unit: str  # of the output
+    reference_output: float  # output that is 100 %
+    unit: str  # unit of the output
     required: float | None  # requested accuracy, in units of the output; None: none was requested
-    parts: tuple[BudgetPart, ...]  # each switched on alone
-    compiled: BudgetPart  # everything that compiling adds, switched on together
-    # all parts: worst ones added up, which no path need ever reach; rms as a root of squares
+    parts: tuple[BudgetPart, ...]  # errors of the steps, each switched on alone
+    compiled: BudgetPart  # error of all compilation steps together
+    # sum of compiled, sample rate, rate and model fit: worst errors are added, which no path need
+    # reach; rms values are added in quadrature
     total: BudgetPart
-    drift: BudgetPart  # of a held output
-    held_demands: tuple[HeldDemand, ...]  # what was held for that
-    # the paths with everything switched on, and the deviation along each
+    drift: BudgetPart  # drift of a held output within `HOLD_TIME_S`
+    held_demands: tuple[HeldDemand, ...]  # all held demands
+    # runs of the compiled block, and the error along each
     runs: tuple[tuple[PathRun, FloatArray], ...]
 
     def part(self, name: str) -> BudgetPart | None:
-        """Return the part of this name, or None."""
+        """Return the part with a name, or None."""
         return next((part for part in self.parts if part.name == name), None)
 
 
 def measure_budget(plan: Plan) -> Budget:
-    """Measure what a plan costs."""
+    """Measure the error budget of a plan."""
     fit = _model_fit_part(plan)
     trial = CompensatorTrial(plan.builder, plan.sizes, plan.block, plan.static_block)
     compiled = trial.measure_compiled()
@@ -101,11 +102,11 @@ ADVICE = {
     "quantisation": "its words hold no more",
     "gap_interpolation": "narrow the range of the gap in the model's [valid]",
 }
-"""Why a part cannot be smaller, or what helps."""
+"""Reason why a part cannot be smaller, or a remedy."""
 
 
 def is_within_allowance(plan: Plan, budget: Budget) -> bool:
-    """Whether formats and tables cost no more than they may, on the paths of the budget."""
+    """Whether formats and tables keep the allowance on the paths of the budget."""
     tables = budget.part("tables")
     assert tables is not None
     evaluated = budget.compiled if plan.request.kind == "full" else tables
@@ -113,7 +114,7 @@ def is_within_allowance(plan: Plan, budget: Budget) -> bool:
 
 
 def is_drift_allowed(plan: Plan, budget: Budget) -> bool:
-    """Whether a held output drifts by no more than what is compiled may be off."""
+    """Whether the drift of a held output is within the requested accuracy or the allowance."""
     return (budget.drift.worst or 0.0) <= _max_drift(plan, budget)
 
 
@@ -122,7 +123,7 @@ def _max_drift(plan: Plan, budget: Budget) -> float:
 
 
 def explain_drift(plan: Plan, budget: Budget) -> str:
-    """Report how far a held output drifts, and what helps."""
+    """Return a sentence with the drift of a held output and the remedy."""
     drift, part = percent(budget, budget.drift.worst or 0.0), budget.drift
     return (
         f"{part.title}: {drift:.2g} % of the largest output ({part.note.partition('; ')[2]}), more "
@@ -145,7 +146,7 @@ def _advise_drift(plan: Plan) -> str:
 
 
 def drift_error(plan: Plan, budget: Budget) -> NegativeResult:
-    """Return the message where an output between ticks breaks the wanted accuracy."""
+    """Return the error for a drift that exceeds the requested accuracy."""
     return NegativeResult(
         f"accuracy: {explain_drift(plan, budget)}; nothing was written",
         code="model-drifts",
@@ -154,18 +155,18 @@ def drift_error(plan: Plan, budget: Budget) -> NegativeResult:
 
 
 def largest_part(budget: Budget) -> BudgetPart:
-    """Return the largest of the parts that compiling adds."""
+    """Return the largest part that compilation adds."""
     compiled_parts = [part for part in budget.parts if part.name in ADVICE]
     return max(compiled_parts, key=lambda part: part.worst or 0.0)
 
 
 def is_accuracy_reached(budget: Budget) -> bool:
-    """Whether what is compiled is as accurate as it was asked to be."""
+    """Whether the compiled block has the requested accuracy."""
     return budget.required is None or (budget.compiled.worst or 0.0) <= budget.required
 
 
 def accuracy_error(budget: Budget, better_options: str) -> NegativeResult:
-    """Return the message for an accuracy not kept: which part of the budget breaks it, what to change."""
+    """Return the error for an accuracy that is not reached, with the largest part and a remedy."""
     assert budget.required is not None
     reached, part = budget.compiled.worst or 0.0, largest_part(budget)
     advice = f"compile with {better_options}" if better_options else ADVICE[part.name]
@@ -182,12 +183,12 @@ def accuracy_error(budget: Budget, better_options: str) -> NegativeResult:
 
 
 def percent(budget: Budget, value: float) -> float:
-    """Return a deviation in per cent of the largest output."""
+    """Return a deviation in % of the reference output."""
     return 100.0 * value / budget.reference_output
 
 
 def budget_dict(budget: Budget) -> dict[str, Any]:
-    """Return a budget as written to ``budget.json``."""
+    """Return the content of ``budget.json``."""
 
     def row(part: BudgetPart) -> dict[str, Any]:
         return {
