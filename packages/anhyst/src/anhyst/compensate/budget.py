@@ -57,7 +57,7 @@ def measure_budget(plan: Plan) -> Budget:
         "total",
         sum(part.worst or 0.0 for part in summed_parts),
         float(np.sqrt(sum((part.rms or 0.0) ** 2 for part in summed_parts))),
-        "compiled, sample rate and model fit: worst ones added up, rms as a root of squares",
+        "sum of compiled, sample rate and model fit: worst errors added, rms added in quadrature",
     )
     accuracy = plan.request.accuracy
     required = None if accuracy is None else accuracy / 100.0 * plan.reference_output
@@ -83,7 +83,7 @@ def _drift_part(held: Sequence[HeldDemand], model: Model) -> BudgetPart:
         f"drift of a held {model.output.name.replace('_', ' ')} in {HOLD_TIME_S:g} s",
         worst.drift,
         rms(drifts),
-        f"on top of that, at rest and under small movements; worst at {worst.demand:.3g} "
+        f"in addition to compiled, at standstill and with small movements; worst at {worst.demand:.3g} "
         f"{model.output.unit} while {worst.title}",
     )
 
@@ -91,15 +91,17 @@ def _drift_part(held: Sequence[HeldDemand], model: Model) -> BudgetPart:
 def _model_fit_part(plan: Plan) -> BudgetPart:
     fit = plan.model.fit
     if fit is None:
-        return BudgetPart("model_fit", "model fit", None, None, "the model file has no fit figures")
-    note = "model against the measured loops, as the model file says"
+        return BudgetPart(
+            "model_fit", "model fit", None, None, "the model file contains no fit errors"
+        )
+    note = "deviation of the model from the measured loops, from the model file"
     return BudgetPart("model_fit", "model fit", fit.worst, fit.rms, note)
 
 
 ADVICE = {
-    "law": "a straight anhysteretic curve comes no nearer",
-    "tables": "the tables of a block hold no more",
-    "quantisation": "its words hold no more",
+    "law": "a straight anhysteretic curve cannot be more accurate",
+    "tables": "the tables of a block cannot be larger",
+    "quantisation": "its words have no more bits",
     "gap_interpolation": "narrow the range of the gap in the model's [valid]",
 }
 """Reason why a part cannot be smaller, or a remedy."""
@@ -133,10 +135,10 @@ def explain_drift(plan: Plan, budget: Budget) -> str:
 
 def _advise_drift(plan: Plan) -> str:
     if plan.request.kind != "full":
-        return "this law has no dead band that would hold it; compile with --kind full"
+        return "this law has no dead band against drift; compile with --kind full"
     dead_bands = plan.model.operator_law.with_role("dead band")
     if not dead_bands:
-        return "the tables are too coarse for it; ask for a smaller --accuracy"
+        return "the tables are too coarse; request a smaller --accuracy"
     if not any(np.any(plan.model.parameters[spec.name]) for spec in dead_bands):
         return (
             "the model has no dead band (r_d = 0); identify it again from its loops, or set r_d in "
@@ -174,8 +176,8 @@ def accuracy_error(budget: Budget, better_options: str) -> NegativeResult:
     reachable_percent = np.ceil(percent(budget, reached) / decade * 10.0) / 10.0 * decade
     return NegativeResult(
         f"accuracy: {percent(budget, reached):.3g} % of the largest output is reached, "
-        f"{percent(budget, budget.required):.3g} % was asked for; the largest part is "
-        f"{part.title}, {percent(budget, part.worst or 0.0):.3g} %: {advice}, or ask for "
+        f"{percent(budget, budget.required):.3g} % was requested; the largest part is "
+        f"{part.title}, {percent(budget, part.worst or 0.0):.3g} %: {advice}, or request "
         f"{reachable_percent:.3g} %; nothing was written",
         code="accuracy-not-reached",
         key="accuracy",

@@ -160,8 +160,8 @@ def make_cell_rows(
     merged = merge_cells(weights, sizes.cells, largest_field)
     if merged.thresholds.size < 2:
         raise InputError(
-            "model: no hysteresis within the range of its input, where the least threshold of its "
-            "cells is not reached; look at its loops, or drive by a curve without memory",
+            "model: no hysteresis within the range of its input, which does not reach the smallest "
+            "threshold of its play cells; check the loops, or use a single-valued curve",
             code="no-hysteresis",
             key="model",
         )

@@ -106,7 +106,7 @@ def compare_with_demand(
     step = current_resolution(block.scales)
     runs = [run_twin(model, block, io, path) for path in paths]
     loss_path = next(path for path in paths if path.name == "reversals")
-    title = "random reversals, the amplifier not following"
+    title = "random reversals with an amplifier that deviates"
     runs.append(run_with_losses(model, block, io, replace(loss_path, name="losses", title=title)))
     runs_with_errors = [(run, demand_error(run, block.limits, step)) for run in runs]
     return summarise_errors(
@@ -276,11 +276,11 @@ class CompensatorTrial:
             part = _make_part(
                 "tables", "tables", *compare_with_demand(model, self.exact_block, "f64", snapped)
             )
-            note = f"in double precision, at gaps that stand in the tables; {part.note}"
+            note = f"in double precision, at the gaps of the tables; {part.note}"
             return replace(part, note=note)
         fine = builder.exact_block(replace(FINE_SIZES, gap_segments=self.sizes.gap_segments))
         deviation = compare_compensators(model, (self.exact_block, "f64"), (fine, "f64"), snapped)
-        note = "chosen against fine tables, in double precision, at gaps that stand in the tables"
+        note = "selected tables compared with fine tables, in double precision, at the gaps of the tables"
         return BudgetPart("tables", "tables", deviation.worst, deviation.rms, note)
 
     def _measure_quantisation(self) -> BudgetPart:
@@ -289,11 +289,11 @@ class CompensatorTrial:
             self.builder.model, (self.static_block, io), (self.exact_block, "f64"), self.paths
         )
         note = (
-            f"{io} and {self.sizes.iterations} iterations against double precision, many "
-            "iterations and the same tables"
+            f"{io} and {self.sizes.iterations} iterations compared with double precision "
+            "and many iterations, on the same tables"
         )
         if self.builder.kind == "euler":
-            note = "Euler's steps and rounding against the closed form in double precision"
+            note = "Euler steps and rounding compared with the closed form in double precision"
         return BudgetPart("quantisation", "quantisation", deviation.worst, deviation.rms, note)
 
     def _measure_gap_tables(self) -> list[BudgetPart]:
@@ -307,14 +307,14 @@ class CompensatorTrial:
             deviation = measure_gap_interpolation(
                 model, builder.scales, builder.limits, self.sizes, paths
             )
-            note = "straight lines between the entries over the gap, everything else exact"
+            note = "linear interpolation over the gap, everything else exact"
         else:
             coarse, fine = (
                 builder.exact_block(replace(FINE_SIZES, gap_segments=n))
                 for n in (self.sizes.gap_segments, FINE_SIZES.gap_segments)
             )
             deviation = compare_compensators(model, (coarse, "f64"), (fine, "f64"), self.paths)
-            note = "chosen entries over the gap against those of the fit, everything else fine"
+            note = "selected gap tables compared with those of the fit, everything else fine"
         return [
             BudgetPart(
                 "gap_interpolation", "gap interpolation", deviation.worst, deviation.rms, note
@@ -337,8 +337,8 @@ class CompensatorTrial:
         )
         error = ticks / crossing * _delayed_error(builder.model, demand, gap)[2 * ticks :]
         note = (
-            f"a current of {rate:g} Hz at the end of its hold, one tick of delay before "
-            f"it, while demand and gap cross their ranges in {CROSSING_TIME_S:g} s; half as fast, half as much"
+            f"{rate:g} Hz: a current at the end of its hold after one tick of delay, while demand and "
+            f"gap cross their ranges in {CROSSING_TIME_S:g} s; proportional to their speed"
         )
         deviation = summarise_errors([("sample_rate", error)])
         return BudgetPart("sample_rate", "sample rate", deviation.worst, deviation.rms, note)
@@ -369,7 +369,7 @@ class CompensatorTrial:
         compiled, static = measure(self.block), measure(self.static_block)
         titles = " and ".join(path.title for path in paths)
         note = (
-            f"{titles}, against the model with its layers; compiled at rest it would be "
+            f"{titles}, compared with the model with layers; without eddy currents it would be "
             f"{100.0 * static.worst / reference_output:.2g} %"
         )
         return [BudgetPart("rate", "rate", compiled.worst, compiled.rms, note)]

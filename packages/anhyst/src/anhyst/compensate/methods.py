@@ -63,7 +63,7 @@ def restrict_model(
 ) -> Model:
     """Return a model whose valid range is that of one magnet of a bearing."""
     if not is_actuator(model):
-        text = "model: a bearing needs one from current to force"
+        text = "model: a bearing needs a model from current to force"
         raise InputError(text, code="not-current-to-force", key="model")
     covered = model.valid_range.schedule
     if covered is None or gaps[0] < covered[0] - 1e-9 or gaps[1] > covered[1] + 1e-9:
@@ -71,8 +71,8 @@ def restrict_model(
             "no gap" if covered is None else f"gaps of {covered[0]:g} to {covered[1]:g} m"
         )
         raise InputError(
-            f"model: holds at {covered_text}, wanted are {gaps[0]:g} to {gaps[1]:g} m; identify it "
-            "from loops at more gaps or narrow the range",
+            f"model: is valid for {covered_text}, but needs {gaps[0]:g} to {gaps[1]:g} m; identify it "
+            "from loops at more gaps, or narrow the range",
             code="gaps-not-covered",
             key="model",
         )

@@ -154,8 +154,8 @@ class Packer:
             if np.abs(words).max() > 32767 or np.abs(np.diff(words)).max(initial=0) > 32767:
                 largest = float(np.abs(values).max())
                 raise InputError(
-                    f"table {name.lower()}: {largest:.3g} does not fit into its 16 bits, which end "
-                    f"at {32767 / code_of_one:.3g}; narrow the model's [valid], or correct its parameters",
+                    f"table {name.lower()}: {largest:.3g} exceeds the range of its 16-bit words, "
+                    f" {32767 / code_of_one:.3g}; narrow the model's [valid], or correct its parameters",
                     code="too-large-for-fixed-point",
                 )
         self._tables[name] = words.ravel()
@@ -186,8 +186,8 @@ class Packer:
             self.put_integer(name, tables[name][0])
         if end > (MAX_BLOCK_WORDS if self.is_fixed else MAX_FLOAT_BLOCK_WORDS):
             raise InputError(
-                f"the parameter block needs {2 * end} bytes, a controller takes {2 * MAX_BLOCK_WORDS}; "
-                "ask for less accuracy",
+                f"the parameter block needs {2 * end} bytes, but a controller accepts {2 * MAX_BLOCK_WORDS}; "
+                "request a lower accuracy",
                 code="block-too-long",
             )
         self._head[WORD_INDEX["LENGTH"]] = end
@@ -323,8 +323,8 @@ class BlockFrame:
         shift = max(0, int(np.ceil(np.log2(largest / MAX_WEIGHT)))) if pack.is_fixed else 0
         if shift > 8:
             raise InputError(
-                f"current: a unit of flux or field counts for {largest:.0f} times the full-scale "
-                "current, more than 16-bit words can weigh against each other; compile with --io f32",
+                f"current: a unit of flux or field needs {largest:.0f} times the full-scale current, "
+                "which exceeds the range of 16-bit words; compile with --io f32",
                 code="weights-too-uneven",
                 key="current",
             )
@@ -341,15 +341,15 @@ class BlockFrame:
         least_drive_slope = least_slope(self.model, self.gaps).min()
         if least_drive_slope < 1.0 and block.is_fixed:
             return InputError(
-                f"alpha: the output all but jumps at some currents (least slope of the drive "
-                f"{least_drive_slope:.2g} of that without iron), nearer than 16-bit tables can follow; "
+                f"alpha: the output nearly jumps at some currents (smallest slope of the drive "
+                f"{least_drive_slope:.2g} of that without iron), too steep for 16-bit tables; "
                 "compile with --io f32",
                 code="tables-too-steep",
                 key="alpha",
             )
         return InputError(
-            "[parameters]: the tables of a block cannot hold a law of these magnitudes; correct the "
-            "parameters",
+            "[parameters]: a law of these magnitudes does not fit into the tables of a block; correct "
+            "the parameters",
             code="law-beyond-the-tables",
             key="parameters",
         )

@@ -215,8 +215,7 @@ def make_plan(
     dynamic_model = model if model.has_layers or model.has_lag else None
     if model.layers is not None and request.kind != "full":
         raise InputError(
-            "layers: solid iron is compiled with --kind full; give that, or take the model at rest "
-            "(at_rest)",
+            "layers: a solid core needs --kind full; give it, or use the static model (at_rest)",
             code="layers-need-full",
             key="layers",
         )
@@ -260,7 +259,7 @@ def not_computed_error(error: InputError | NegativeResult) -> InputError:
     `error` states where the calculation failed.
     """
     return InputError(
-        f"[valid]: the law cannot be computed within these limits ({error}); narrow them, or "
+        f"[valid]: the law cannot be calculated within these limits ({error}); narrow them, or "
         "correct the parameters",
         code="not-computed",
         key="valid",
@@ -280,8 +279,7 @@ def find_limits(model: Model) -> DemandLimits:
     for name, (low, high) in ranges:
         if not low < high:
             raise InputError(
-                f"[valid]: the range of the {name}, {low:g} to {high:g}, has no room for a "
-                "compensator; give its ends",
+                f"[valid]: the range of the {name}, {low:g} to {high:g}, is empty; give its limits",
                 code="range-too-narrow",
                 key="valid",
             )

@@ -318,8 +318,8 @@ def fit_closed_form(
     groups = [_make_tasks(model, float(gap), limits) for gap in unique_gaps]
     if not all(np.all(np.isfinite(task.weight)) for tasks in groups for task in tasks):
         raise InputError(
-            "[valid]: demands within these limits do not move the flux, so there is nothing a "
-            "simplified law could be fitted to; correct them, or compile with --kind full",
+            "[valid]: demands within these limits do not change the flux, so that a simplified law "
+            "cannot be fitted; correct them, or compile with --kind full",
             code="flux-not-moved",
             key="valid",
         )
@@ -337,7 +337,7 @@ def fit_closed_form(
     errors = np.abs(residual)
     if np.any(coefficients[:, 2] <= 0.0):
         raise InputError(
-            "the model has no hysteresis that a simplified law could follow; compile with "
+            "the model has no hysteresis that a simplified law can describe; compile with "
             "--kind full",
             code="no-hysteresis",
         )

@@ -37,15 +37,17 @@ class FluxCalibration:
         for name in ("gap", "force", "flux_density"):
             values = np.asarray(getattr(self, name), dtype=np.float64)
             if values.ndim != 1 or values.size != np.size(self.force) or values.size == 0:
-                text = f"flux calibration: {name} must have one value a point"
+                text = f"flux calibration: {name} must have one value per point"
                 raise InputError(text, code="length-differs", key=name)
             if not np.isfinite(values).all():
                 raise InputError(
-                    f"flux calibration: {name} holds what is no number", code="not-finite", key=name
+                    f"flux calibration: {name} contains a value that is not a number",
+                    code="not-finite",
+                    key=name,
                 )
             object.__setattr__(self, name, values)
         if not (self.delay > 0.0 and self.lag >= 0.0):
-            text = "flux calibration: the delay must be above zero, the lag not below"
+            text = "flux calibration: the delay must be above zero, and the lag at least zero"
             raise InputError(text, code="delay-not-above-zero")
 
     def density_at(self, force: FloatArray, gap: FloatArray) -> FloatArray:
@@ -67,7 +69,7 @@ class FluxCalibration:
             root = np.sqrt(self.force[rows])
             constant = float(root @ self.flux_density[rows] / (root @ root)) if rows.any() else 0.0
             if not constant > 0.0:
-                text = f"flux calibration: at gap {knot:g} m no flux density grows with the force"
+                text = f"flux calibration: at gap {knot:g} m the flux density does not increase with the force"
                 raise InputError(text, code="not-monotone")
             constants.append(constant)
         return np.asarray(np.interp(gap, knots, constants)[:, None] * np.sqrt(force)[None, :])
