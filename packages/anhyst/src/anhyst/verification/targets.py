@@ -1,4 +1,8 @@
-"""The targets by name, and how the C is built for each."""
+"""List the targets by name, and build the C for each of them.
+
+Each target offers its possible builds and lists its missing tools. Other packages can add targets
+that run a whole firmware, with the entry point ``anhyst.targets``.
+"""
 
 from __future__ import annotations
 
@@ -34,10 +38,10 @@ TIME_LIMIT_S = 1800.0
 
 @dataclass(frozen=True, slots=True)
 class ProcessProgram:
-    """A command that answers requests."""
+    """Test program that runs as a process and answers requests."""
 
     name: str  # target and build, for messages
-    command: tuple[str, ...]  # what to run
+    command: tuple[str, ...]  # command of the process
 
     def run(self, requests: Sequence[protocol.Request]) -> list[protocol.Reply]:
         """Answer one request after the other, from reset."""
@@ -71,15 +75,15 @@ def _failure_reason(stderr: bytes, code: int) -> str:
 
 
 PendingBuild = Callable[[], Variant]
-"""A build that has not been made yet."""
+"""Function that makes a build."""
 
 
 @dataclass(frozen=True, slots=True)
 class TargetOffer:
-    """What can be built for a target with the tools that are there, and which are not."""
+    """Possible builds of a target with the installed tools, and the missing tools."""
 
-    builds: tuple[PendingBuild, ...] = ()  # empty where the target cannot run
-    # tools that would be needed, or with which more could be built
+    builds: tuple[PendingBuild, ...] = ()  # empty if the target cannot run
+    # tools that are required, or that would allow more builds
     missing: tuple[MissingTool, ...] = ()
 
 
@@ -91,7 +95,7 @@ OPTIMISATIONS = ("-O0", "-O2", "-O3")
 SANITIZE_FLAGS = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 HOST_COMPILERS = {"gcc": "gcc", "clang": "clang"}
 SANITIZER_PACKAGES = {"gcc": "libgcc-12-dev", "clang": "libclang-rt-dev"}
-"""Packages with the libraries of their sanitizers."""
+"""System packages with the sanitizer libraries of each compiler."""
 
 AVR_CPU = "atmega1284p"
 AVR_DATA = 0x800000
@@ -100,13 +104,13 @@ SIMAVR_HEADERS = Path("/usr/include/simavr")
 
 @dataclass(frozen=True, slots=True)
 class CortexProcessor:
-    """A processor: as the compiler and the emulator call it, and what it may have beyond others."""
+    """Names of a processor for compiler and emulator, and its optional units."""
 
-    cpu: str  # names of compiler and emulator
+    cpu: str  # name for the compiler, and for the emulator
     model: str
-    # what the compiler is asked to use floating-point instructions; empty without
+    # compiler option for the floating-point unit; empty without one
     float_unit: str = ""
-    has_port: bool = False  # whether it has the instructions of the port header
+    has_port: bool = False  # whether it has the DSP instructions of the port header
 
 
 CORTEX_PROCESSORS = {
@@ -121,9 +125,9 @@ CORTEX_PROCESSORS = {
 
 
 def host_compilers() -> dict[str, list[str]]:
-    """Return the commands of the compilers for this machine that are there, by name.
+    """Return the commands of the installed compilers for this machine, by name.
 
-    Those that a report names; where there is none of them, any other.
+    These are the compilers of the report. If none of them is installed, any other is used.
     """
     compilers = {name: [name] for name in HOST_COMPILERS if shutil.which(name)}
     if compilers:
@@ -134,7 +138,7 @@ def host_compilers() -> dict[str, list[str]]:
 
 
 def build_reference(workshop: BuildFolder) -> Variant:
-    """Build what all others are compared with: the C on this machine."""
+    """Build the reference: the C on this machine."""
     for name, command in host_compilers().items():
         return _build_host(workshop, name, command, ("-O2",))
     raise InputError(
@@ -146,7 +150,7 @@ def build_reference(workshop: BuildFolder) -> Variant:
 
 
 def offer_host(workshop: BuildFolder) -> TargetOffer:
-    """Return the builds for this machine: each compiler at each optimisation, and sanitizers."""
+    """Offer the builds for this machine: each compiler with each optimisation, and sanitizers."""
     orders: list[PendingBuild] = []
     missing = list(missing_programs("host", HOST_COMPILERS))
     for name, command in host_compilers().items():
@@ -184,10 +188,11 @@ def _build_host(
 
 
 def offer_cortex_m(name: str, workshop: BuildFolder) -> TargetOffer:
-    """Return the builds for a Cortex-M: without and with its own instructions, if it has some.
+    """Offer the builds for a Cortex-M: portable, and with optional instructions of the processor.
 
-    In fixed point those are the port header's, in floating point those of its floating-point unit.
-    A stage is not run without that, nor without the port header where there is one.
+    In fixed point these are the instructions of the port header, in floating point those of the
+    floating-point unit. If the processor has a floating-point unit, a stage in floating point runs
+    only with it, and only with the port header if there is one.
     """
     if missing := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
         return TargetOffer(missing=missing)
@@ -222,7 +227,7 @@ def _build_cortex_m(
 
 
 def offer_avr(workshop: BuildFolder) -> TargetOffer:
-    """Return the build for an ATmega, run by simavr."""
+    """Offer the build for an ATmega, run by simavr."""
     missing = list(missing_programs("avr", {"avr-gcc": "gcc-avr avr-libc"}))
     missing += missing_modules("avr", ["elftools"])
     compilers = list(host_compilers().values())
@@ -242,7 +247,7 @@ def _build_avr(workshop: BuildFolder, host_compiler: list[str]) -> Variant:
     image = read_image(path)
     runner = workshop.folder / "avr_runner"
     headers = [str(SIMAVR_HEADERS), str(SIMAVR_HEADERS / "avr")]
-    # simavr's own headers are not clean under this project's warnings.
+    # The headers of simavr cause warnings with the flags of this project.
     flags = ("-O2", *(f"-isystem{folder}" for folder in headers), "-Wno-conversion")
     source = Build((HARNESS_FOLDER / "avr_runner.c",), flags=flags, libraries=("-lsimavr", "-lelf"))
     compile_c(host_compiler, source, runner, "avr")
@@ -253,7 +258,7 @@ def _build_avr(workshop: BuildFolder, host_compiler: list[str]) -> Variant:
 
 
 def offer_msp430(workshop: BuildFolder) -> TargetOffer:
-    """Return the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
+    """Offer the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
     missing = (
         *missing_programs("msp430", {"mspdebug": "mspdebug"}),
         *missing_modules("msp430", ["ziglang", "elftools"]),
@@ -267,9 +272,9 @@ def _build_msp430(workshop: BuildFolder) -> Variant:
     path = workshop.folder / "msp430.elf"
     compiler = [*zig_cc("msp430"), "-target", "msp430-freestanding-none", *FREESTANDING_FLAGS]
     compiler += ["-T", str(HARNESS_FOLDER / "msp430.ld"), "-Wl,--entry=reset"]
-    # 56 KiB of flash hold a whole position controller only where it is compiled for size.
+    # A whole position controller fits into 56 KiB of flash only if it is optimised for size.
     level = "-Os" if workshop.subject == "controller" else "-O2"
-    # Without -g the linker drops the symbols.
+    # Without -g, the linker removes the symbols.
     build = workshop.make_build("msp430", level, "-g", "-Wl,--gc-sections")
     warnings = compile_c(compiler, build, path, "msp430")
     image = read_image(path)
@@ -287,17 +292,17 @@ TARGETS: Mapping[str, OfferMaker] = {
 
 
 class WholeTarget(Protocol):
-    """A target that runs a whole program around a compensator: another package builds it."""
+    """Target of another package that runs a whole program with a compensator."""
 
     def missing_tools(self) -> tuple[MissingTool, ...]:
-        """Return what it would need and is not there."""
+        """Return the missing tools."""
 
     def verify(self, bundle: Bundle, folder: Path, steps: int, seed: int) -> TargetResult:
-        """Run a bundle; ``folder`` is for what is built."""
+        """Run a bundle; ``folder`` is for temporary files."""
 
 
 def _find_target_fault(target: object, _: str) -> str:
-    """Say what keeps a target of another package from being used; empty where nothing does."""
+    """Return the reason why a target of another package cannot be used; empty if it can."""
     work = (getattr(target, name, None) for name in ("missing_tools", "verify"))
     return "" if all(map(callable, work)) else "and it is no target"
 
@@ -305,14 +310,14 @@ def _find_target_fault(target: object, _: str) -> str:
 WHOLE_TARGETS: Registry[WholeTarget] = Registry(
     "anhyst.targets", {}, _find_target_fault, reserved=TARGETS
 )
-"""By name: the entry points ``anhyst.targets`` of installed packages."""
+"""Targets by name, from the entry points ``anhyst.targets`` of installed packages."""
 
 FLOAT_TARGETS = ("host", *CORTEX_PROCESSORS)
-"""Where single precision and stages are compared."""
+"""Targets that compare single precision and stages."""
 
 
 def parse_targets(names: str, bundle: Bundle) -> list[str]:
-    """Read a list such as ``host,cortex-m4``."""
+    """Read a list of targets such as ``host,cortex-m4``."""
     targets = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
     known = (*TARGETS, *WHOLE_TARGETS)
     if not targets:

@@ -1,4 +1,8 @@
-"""Runs the C of a bundle on all targets and holds it against the host."""
+"""Run the C of a compiled folder on all targets, and compare every bit with the host.
+
+For each target, the C is built together with a test harness. The harness runs the golden vectors
+and random steps, and returns hashes, costs and stack use. The build for the host is the reference.
+"""
 
 from __future__ import annotations
 
@@ -54,9 +58,9 @@ def verify(
     seed: int = SEED,
     progress: Progress | None = None,
 ) -> Verification:
-    """Compare compiled C bit for bit on several targets, and measure it there: `anhyst.verify`.
+    """Compare compiled C bit for bit on several targets, and measure its cost: `anhyst.verify`.
 
-    Left out, the targets are :data:`DEFAULT`, as far as there are tools.
+    Without `on`, the targets are :data:`DEFAULT_TARGETS` for which tools are installed.
     """
     check_path(folder, "verify: folder", "the path of a compiled folder")
     for name, number in (("host steps", host_steps), ("steps", target_steps), ("seed", seed)):
@@ -119,20 +123,20 @@ def verify(
 def _collect_offers(
     workshop: BuildFolder, names: Sequence[str]
 ) -> tuple[dict[str, targets.TargetOffer], tuple[MissingTool, ...]]:
-    """Return what can be built for each target, and all tools that are missing."""
+    """Return the possible builds of each target, and all missing tools."""
     offers = {name: targets.TARGETS[name](workshop) for name in names if name in targets.TARGETS}
     missing = [lack for offer in offers.values() for lack in offer.missing]
     return offers, (*missing, *(lack for name in names for lack in _missing_for_whole_target(name)))
 
 
 def _missing_for_whole_target(name: str) -> tuple[MissingTool, ...]:
-    """Return what a target of another package would need and is not there."""
+    """Return the missing tools of a target of another package."""
     return targets.WHOLE_TARGETS[name].missing_tools() if name in targets.WHOLE_TARGETS else ()
 
 
 @dataclass
 class _VerificationJob:
-    """What all builds have in common: the inputs, and the host's answers to them."""
+    """Data that all builds share: the inputs, and the host's answers to them."""
 
     workshop: BuildFolder
     vectors: GoldenVectors
@@ -145,7 +149,7 @@ class _VerificationJob:
         self._answers: dict[int, Answers] = {}
 
     def step_count(self, target: str) -> int:
-        """Return how many random steps there are; a tick of a stage is one of every magnet."""
+        """Return the number of random steps; one tick of a stage counts as one step per magnet."""
         steps = self.host_steps if target == "host" else self.target_steps
         stage = self.workshop.bundle.stage
         return max(1, steps // stage["magnets"]) if stage else steps
@@ -153,7 +157,7 @@ class _VerificationJob:
     def run_all(
         self, offers: Mapping[str, targets.TargetOffer], report_build: Callable[[], None]
     ) -> list[TargetResult]:
-        """Build and run everything, as many at a time as there are processors."""
+        """Build and run all targets, with as many threads as processors."""
         orders = [(name, order) for name, offer in offers.items() for order in offer.builds]
         for steps in {self.step_count(name) for name, _ in orders}:
             self._answers[steps] = run_program(
@@ -205,7 +209,7 @@ class _VerificationJob:
         )
 
     def _list_costs(self, outcome: Answers) -> tuple[Cost, ...]:
-        """Return what the random steps took; of a stage also what its flight did."""
+        """Return the costs of the random steps; for a stage also those of its golden vectors."""
         counted = net_costs(outcome.random, self.vectors.layout)
         if self.workshop.stage_record is not None:
             flown = net_costs(outcome.golden, self.vectors.layout)[-1]
@@ -225,7 +229,7 @@ def _static_stack(variant: Variant, workshop: BuildFolder) -> int | None:
 
 
 def net_costs(reply: Reply, layout: RecordLayout) -> tuple[Cost, ...]:
-    """Take the clock's own share off what was counted."""
+    """Subtract the cost of the clock itself from the counted costs."""
     found = []
     for name, section in zip(layout.sections[1:], reply.sections[1:], strict=True):
         if section.count:
@@ -244,7 +248,7 @@ def net_costs(reply: Reply, layout: RecordLayout) -> tuple[Cost, ...]:
 
 
 def _estimate_dsc(job: _VerificationJob) -> tuple[elf.Estimate, ...]:
-    """Run the Cortex-M0+ once more for each list of prices."""
+    """Run the Cortex-M0+ again for each list of prices."""
     try:
         program = targets.offer_cortex_m(elf.ESTIMATE_TARGET, job.workshop).builds[0]().program
         assert isinstance(program, CortexProgram)
@@ -257,7 +261,7 @@ def _estimate_dsc(job: _VerificationJob) -> tuple[elf.Estimate, ...]:
             for name, each in priced
         ]
     except NegativeResult:
-        return ()  # reported as a failure of the target where it was asked for
+        return ()  # the failure is reported with the target, if it was requested
     prefix = "controller: " if job.workshop.subject == "controller" else ""
     return tuple(
         elf.Estimate(f"{prefix}{cost.part}", name, cost.most, elf.CLOCK_HZ / cost.most)
