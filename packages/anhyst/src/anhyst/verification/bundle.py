@@ -80,12 +80,14 @@ def read_bundle(folder: Path) -> Bundle:
     """Read the manifest, and check that every file is unchanged."""
     manifest_path = folder / MANIFEST_FILE
     if not folder.is_dir():
-        text = f"{folder}: no such folder; name the one 'anhyst compile --out' made"
+        text = f"{folder}: no such folder; name the folder that 'anhyst compile --out' wrote"
         raise InputError(text, code="no-such-folder")
     try:
         manifest = json.loads(manifest_path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        text = f"{folder}: has no {MANIFEST_FILE}; name the folder 'anhyst compile --out' made"
+        text = (
+            f"{folder}: has no {MANIFEST_FILE}; name the folder that 'anhyst compile --out' wrote"
+        )
         raise InputError(text, code="no-manifest") from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise _damaged_error(
@@ -129,9 +131,7 @@ def _check_stage(path: Path, stage: object) -> None:
     coordinates = len(free) if isinstance(free, list) else 0
     counts = [coordinates, entry.get("heads"), entry.get("magnets")]
     if not all(isinstance(count, int) and 0 < count <= MAX_STAGE_COUNT for count in counts):
-        text = (
-            f"{path}: key 'stage' does not say what is free, how many heads and magnets there are"
-        )
+        text = f"{path}: key 'stage' does not list the free coordinates, heads and magnets"
         raise _damaged_error(text, code="damaged-manifest", key="stage")
 
 
@@ -211,7 +211,7 @@ def read_stage_vectors(path: Path, layout: RecordLayout, is_float: bool) -> Gold
 
 
 def record_column_name(name: str) -> str:
-    """Return the column in a file of vectors of a word of a record."""
+    """Return the column of a vectors file for a word of a record."""
     return name.replace(" ", "_")
 
 

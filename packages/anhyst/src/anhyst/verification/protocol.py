@@ -190,7 +190,7 @@ class Reply:
         """Read a box."""
         words = np.frombuffer(box, dtype="<u4")
         if words[_REQUEST_WORDS] != len(words):
-            raise ValueError("the target lays the box out otherwise")
+            raise ValueError("the target has a different layout of the box")
         _, status, *numbers = (int(word) for word in words[_REQUEST_WORDS:_SECTIONS_AT])
         table = words[_SECTIONS_AT:_CHECKPOINTS_AT].reshape(SECTION_COUNT, _SECTION_WORDS)
         sections = tuple(

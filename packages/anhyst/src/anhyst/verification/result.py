@@ -140,7 +140,7 @@ class Verification(Result):
         rows = [_make_table("bit for bit the same as on the host", _EQUALITY_COLUMNS, same)]
         costs = [(result, cost) for result in self.results for cost in result.costs]
         sizes = [(result, result.sizes) for result in self.results if result.sizes is not None]
-        missing = [(lack, lack.target in self.not_run) for lack in self.missing]
+        missing = [(tool, tool.target in self.not_run) for tool in self.missing]
         if costs:
             rows.append(_make_table("time of a step", _COST_COLUMNS, costs))
         if sizes:
@@ -204,9 +204,9 @@ def _make_table(
 
 
 _MISSING_COLUMNS: Mapping[str, Callable[[MissingTool, bool], object]] = {
-    "target": lambda lack, _: lack.target,
-    "tool": lambda lack, _: lack.tool,
-    "comes with": lambda lack, _: lack.install,
+    "target": lambda tool, _: tool.target,
+    "tool": lambda tool, _: tool.tool,
+    "comes with": lambda tool, _: tool.install,
     "outcome": lambda _, is_left_out: "did not run" if is_left_out else "ran without it",
 }
 _EQUALITY_COLUMNS: Mapping[str, Callable[[TargetResult], object]] = {
@@ -241,7 +241,7 @@ _MEMORY_COLUMNS: Mapping[str, Callable[[TargetResult, ProgramSizes], object]] = 
 def _estimate_table(estimates: Sequence[Estimate]) -> TextTable:
     parts = dict.fromkeys(estimate.part for estimate in estimates)
     texts = {
-        (one.part, one.prices): f"{one.cycles} ({one.rate / 1e3:.1f} kHz)" for one in estimates
+        (item.part, item.prices): f"{item.cycles} ({item.rate / 1e3:.1f} kHz)" for item in estimates
     }
     cells = tuple((part, *(texts[part, prices] for prices in PRICES)) for part in parts)
     title = f"a 16-bit DSC of {CLOCK_HZ / 1e6:.0f} MHz, worst case, estimated: cycles (rate)"
@@ -252,7 +252,7 @@ def _markdown_report(verification: Verification) -> str:
     kind, io = verification.kind, verification.io
     verdict = "identical everywhere" if verification.passed else verification.first_failure()
     if verification.not_run:
-        verdict += f"; not run for want of tools: {', '.join(verification.not_run)}"
+        verdict += f"; not run because of missing tools: {', '.join(verification.not_run)}"
     lines = ["# Verification", "", f"{kind}, {io}, seed {verification.seed}: {verdict}.", ""]
     for rows in verification.tables():
         lines += [f"## {rows.title[:1].upper()}{rows.title[1:]}", "", _table_row(rows.headings)]

@@ -137,10 +137,10 @@ def host_compilers() -> dict[str, list[str]]:
     return {} if missing_modules("host", ["ziglang"]) else {"zig cc": zig_cc("host")}
 
 
-def build_reference(workshop: BuildFolder) -> Variant:
+def build_reference(build_folder: BuildFolder) -> Variant:
     """Build the reference: the C on this machine."""
     for name, command in host_compilers().items():
-        return _build_host(workshop, name, command, ("-O2",))
+        return _build_host(build_folder, name, command, ("-O2",))
     raise InputError(
         "no C compiler for this machine, which all targets are compared with: apt install gcc, or "
         "pip install 'anhyst[verify]'",
@@ -149,20 +149,20 @@ def build_reference(workshop: BuildFolder) -> Variant:
     )
 
 
-def offer_host(workshop: BuildFolder) -> TargetOffer:
+def offer_host(build_folder: BuildFolder) -> TargetOffer:
     """Offer the builds for this machine: each compiler with each optimisation, and sanitizers."""
-    orders: list[PendingBuild] = []
+    builds: list[PendingBuild] = []
     missing = list(missing_programs("host", HOST_COMPILERS))
     for name, command in host_compilers().items():
         settings: list[tuple[str, ...]] = [(level,) for level in OPTIMISATIONS]
         if name in SANITIZER_PACKAGES:
-            if _has_sanitizers(command, workshop.folder):
+            if _has_sanitizers(command, build_folder.folder):
                 settings.append(SANITIZE_FLAGS)
             else:
                 tool = f"sanitizers of {name}"
                 missing.append(MissingTool("host", tool, f"apt install {SANITIZER_PACKAGES[name]}"))
-        orders += [partial(_build_host, workshop, name, command, flags) for flags in settings]
-    return TargetOffer(tuple(orders), tuple(missing))
+        builds += [partial(_build_host, build_folder, name, command, flags) for flags in settings]
+    return TargetOffer(tuple(builds), tuple(missing))
 
 
 def _has_sanitizers(command: Sequence[str], folder: Path) -> bool:
@@ -176,18 +176,18 @@ def _has_sanitizers(command: Sequence[str], folder: Path) -> bool:
 
 
 def _build_host(
-    workshop: BuildFolder, name: str, command: list[str], flags: tuple[str, ...]
+    build_folder: BuildFolder, name: str, command: list[str], flags: tuple[str, ...]
 ) -> Variant:
     is_sanitized = flags == SANITIZE_FLAGS
     title = f"{name} sanitizers" if is_sanitized else f"{name} {flags[0]}"
-    program = workshop.folder / f"host-{title.replace(' ', '-')}"
+    program = build_folder.folder / f"host-{title.replace(' ', '-')}"
     label = f"host ({title})"
-    warnings = compile_c(command, workshop.make_build("host", *flags), program, label)
+    warnings = compile_c(command, build_folder.make_build("host", *flags), program, label)
     process = ProcessProgram(label, (str(program),))
     return Variant("host", title, process, "", "this machine", name, warnings)
 
 
-def offer_cortex_m(name: str, workshop: BuildFolder) -> TargetOffer:
+def offer_cortex_m(name: str, build_folder: BuildFolder) -> TargetOffer:
     """Offer the builds for a Cortex-M: portable, and with optional instructions of the processor.
 
     In fixed point these are the instructions of the port header, in floating point those of the
@@ -196,37 +196,37 @@ def offer_cortex_m(name: str, workshop: BuildFolder) -> TargetOffer:
     """
     if missing := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
         return TargetOffer(missing=missing)
-    counter = build_counter(HARNESS_FOLDER, workshop.folder, name)
-    is_float = workshop.bundle.io == "f32"
-    has_port = CORTEX_PROCESSORS[name].has_port and workshop.bundle.has_port
+    counter = build_counter(HARNESS_FOLDER, build_folder.folder, name)
+    is_float = build_folder.bundle.io == "f32"
+    has_port = CORTEX_PROCESSORS[name].has_port and build_folder.bundle.has_port
     builds = [("soft float" if is_float else "portable", "")]
     if is_float and CORTEX_PROCESSORS[name].float_unit:
-        builds = [] if workshop.stage_record is not None else builds
+        builds = [] if build_folder.stage_record is not None else builds
         builds.append(
             (f"hard float{PORT_SUFFIX if has_port else ''}", CORTEX_PROCESSORS[name].float_unit)
         )
     elif has_port:
         builds.append(("port header", ""))
     return TargetOffer(
-        tuple(partial(_build_cortex_m, name, workshop, counter, *build) for build in builds)
+        tuple(partial(_build_cortex_m, name, build_folder, counter, *build) for build in builds)
     )
 
 
 def _build_cortex_m(
-    name: str, workshop: BuildFolder, counter: Path, title: str, float_unit: str
+    name: str, build_folder: BuildFolder, counter: Path, title: str, float_unit: str
 ) -> Variant:
     cpu = CORTEX_PROCESSORS[name].cpu + float_unit
-    build = workshop.make_build("cortex_m", "-O2", "-Wl,--gc-sections")
+    build = build_folder.make_build("cortex_m", "-O2", "-Wl,--gc-sections")
     if title.endswith("port header"):
         build = replace(build, defines={**build.defines, **PORT_DEFINE})
-    path = workshop.folder / f"{name}-{title.replace(' ', '-').replace(',', '')}.elf"
+    path = build_folder.folder / f"{name}-{title.replace(' ', '-').replace(',', '')}.elf"
     warnings = compile_cortex_m(cpu, build, HARNESS_FOLDER / "cortex_m.ld", path)
     image = read_image(path)
     program = CortexProgram(name, CORTEX_PROCESSORS[name].model, image, counter)
     return Variant(name, title, program, "instructions", cpu, "zig cc -O2", warnings, image)
 
 
-def offer_avr(workshop: BuildFolder) -> TargetOffer:
+def offer_avr(build_folder: BuildFolder) -> TargetOffer:
     """Offer the build for an ATmega, run by simavr."""
     missing = list(missing_programs("avr", {"avr-gcc": "gcc-avr avr-libc"}))
     missing += missing_modules("avr", ["elftools"])
@@ -237,15 +237,15 @@ def offer_avr(workshop: BuildFolder) -> TargetOffer:
         missing.append(MissingTool("avr", "libsimavr", "apt install libsimavr-dev libelf-dev"))
     if missing:
         return TargetOffer(missing=tuple(missing))
-    return TargetOffer((partial(_build_avr, workshop, compilers[0]),))
+    return TargetOffer((partial(_build_avr, build_folder, compilers[0]),))
 
 
-def _build_avr(workshop: BuildFolder, host_compiler: list[str]) -> Variant:
-    path = workshop.folder / "avr.elf"
-    build = workshop.make_build("avr", "-O2", f"-mmcu={AVR_CPU}", "-Wl,--gc-sections")
+def _build_avr(build_folder: BuildFolder, host_compiler: list[str]) -> Variant:
+    path = build_folder.folder / "avr.elf"
+    build = build_folder.make_build("avr", "-O2", f"-mmcu={AVR_CPU}", "-Wl,--gc-sections")
     warnings = compile_c(["avr-gcc"], build, path, "avr")
     image = read_image(path)
-    runner = workshop.folder / "avr_runner"
+    runner = build_folder.folder / "avr_runner"
     headers = [str(SIMAVR_HEADERS), str(SIMAVR_HEADERS / "avr")]
     # The headers of simavr cause warnings with the flags of this project.
     flags = ("-O2", *(f"-isystem{folder}" for folder in headers), "-Wno-conversion")
@@ -257,7 +257,7 @@ def _build_avr(workshop: BuildFolder, host_compiler: list[str]) -> Variant:
     return Variant("avr", "portable", program, "cycles", AVR_CPU, "avr-gcc -O2", warnings, image)
 
 
-def offer_msp430(workshop: BuildFolder) -> TargetOffer:
+def offer_msp430(build_folder: BuildFolder) -> TargetOffer:
     """Offer the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
     missing = (
         *missing_programs("msp430", {"mspdebug": "mspdebug"}),
@@ -265,17 +265,17 @@ def offer_msp430(workshop: BuildFolder) -> TargetOffer:
     )
     if missing:
         return TargetOffer(missing=missing)
-    return TargetOffer((partial(_build_msp430, workshop),))
+    return TargetOffer((partial(_build_msp430, build_folder),))
 
 
-def _build_msp430(workshop: BuildFolder) -> Variant:
-    path = workshop.folder / "msp430.elf"
+def _build_msp430(build_folder: BuildFolder) -> Variant:
+    path = build_folder.folder / "msp430.elf"
     compiler = [*zig_cc("msp430"), "-target", "msp430-freestanding-none", *FREESTANDING_FLAGS]
     compiler += ["-T", str(HARNESS_FOLDER / "msp430.ld"), "-Wl,--entry=reset"]
     # A whole position controller fits into 56 KiB of flash only if it is optimised for size.
-    level = "-Os" if workshop.subject == "controller" else "-O2"
+    level = "-Os" if build_folder.subject == "controller" else "-O2"
     # Without -g, the linker removes the symbols.
-    build = workshop.make_build("msp430", level, "-g", "-Wl,--gc-sections")
+    build = build_folder.make_build("msp430", level, "-g", "-Wl,--gc-sections")
     warnings = compile_c(compiler, build, path, "msp430")
     image = read_image(path)
     program, chip = Msp430Program(path, image), "MSP430, 16x16 multiplier"
@@ -304,7 +304,7 @@ class WholeTarget(Protocol):
 def _find_target_fault(target: object, _: str) -> str:
     """Return the reason why a target of another package cannot be used; empty if it can."""
     work = (getattr(target, name, None) for name in ("missing_tools", "verify"))
-    return "" if all(map(callable, work)) else "and it is no target"
+    return "" if all(map(callable, work)) else "and it is not a target"
 
 
 WHOLE_TARGETS: Registry[WholeTarget] = Registry(
