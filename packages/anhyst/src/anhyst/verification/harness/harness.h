@@ -116,10 +116,9 @@ typedef struct {
   uint32_t state_bytes;   /* size of the compensator or the controller */
   uint32_t control_bytes; /* sizeof(anhyst_pidd2_state_q31) */
   uint32_t words;         /* number of words of the parameter block */
-  uint32_t
-      stack_bytes; /* largest stack of a call of solve or commit, return address included */
-  uint32_t step;   /* steps since HARNESS_START */
-  uint32_t hash;   /* hash of all records since HARNESS_START */
+  uint32_t stack_bytes;   /* largest stack of a call of solve or commit, return address included */
+  uint32_t step;          /* steps since HARNESS_START */
+  uint32_t hash;          /* hash of all records since HARNESS_START */
   harness_section sections[HARNESS_SECTIONS];
   uint32_t checkpoints[HARNESS_CHECKPOINTS];
   uint32_t window[HARNESS_WINDOW][HARNESS_RECORD_WORDS];
