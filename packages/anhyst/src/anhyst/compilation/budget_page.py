@@ -1,4 +1,4 @@
-"""The accuracy budget of a compensator as a page, and what was chosen and why."""
+"""Write the accuracy budget of a compensator, and the choices of its plan, as an HTML page."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LSB = {"q15": 2.0**-15, "q31": 2.0**-31}
 
 
 def explain_choices(plan: Plan) -> list[Decision]:
-    """Say what was chosen and why, one entry a choice."""
+    """Return the choices of a plan with their reasons."""
     choices = [
         *_signal_choices(plan),
         _axis_choice(
@@ -182,14 +182,16 @@ def _percent_text(plan: Plan, value: float) -> str:
 
 
 PANEL_HEIGHT_IN = 2.1  # inches
+"""Height of a panel, inches."""
 MAX_PLOT_POINTS = 1200
-"""Drawn of a path; the largest of each stretch, so that no peak is lost."""
+"""Maximum number of points of a plotted path. Each point shows the extremes of an interval, so that
+no peak is lost."""
 
 
 def make_budget_page(
     plan: Plan, budget: Budget, choices: Sequence[Decision], signals: Sequence[str], version: str
 ) -> str:
-    """Return the page of a budget; `signals` says what their codes mean, a line each."""
+    """Return the page of a budget; each line of `signals` describes the codes of a signal."""
     worst, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
     text = f"Compiled, the output is within {worst:.2g} % of what the model would give"
     if budget.required is not None:
@@ -216,7 +218,7 @@ def make_budget_page(
 
 
 def _parts_table(budget: Budget) -> PageTable:
-    """Each part switched on alone, everything else exact; then the sums."""
+    """Return the table of all parts, each switched on alone, and of their sums."""
     sums = budget.compiled, budget.total, budget.drift
     largest = max(part.worst or 0.0 for part in (*budget.parts, *sums))
 
@@ -298,7 +300,7 @@ def _signal_table(signals: Sequence[str]) -> PageTable:
 def _draw_deviations(budget: Budget) -> Figure:
     """Draw the deviation along each path."""
     rows = -(-len(budget.runs) // 2)
-    # Panels that are all alike need no search for room, which took a fifth of compiling.
+    # Fixed margins, because an automatic layout took a fifth of the compile time.
     figure = Figure((FIGURE_WIDTH_IN, PANEL_HEIGHT_IN * rows))
     figure.subplots_adjust(
         0.1, 0.5 / (PANEL_HEIGHT_IN * rows), 0.99, 1.0 - 0.3 / (PANEL_HEIGHT_IN * rows), 0.08, 0.65
@@ -320,7 +322,7 @@ def _draw_deviations(budget: Budget) -> Figure:
 
 
 def _envelope(error: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return places, lowest and highest value of stretches of equal length."""
+    """Return position, lowest and highest value of intervals of equal length."""
     edges = np.unique(np.linspace(0, error.size, min(MAX_PLOT_POINTS, error.size) + 1).astype(int))
     low, high = (np.asarray(f.reduceat(error, edges[:-1])) for f in (np.minimum, np.maximum))
     return edges[:-1].astype(np.float64), low, high
