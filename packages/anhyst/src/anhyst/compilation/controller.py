@@ -74,7 +74,7 @@ class CheckedController:
         highest = self.table.limits.current_high_A
         if model.valid is not None and highest > MAX_CURRENT_RATIO * model.valid.input[1]:
             measured_max = model.valid.input[1]
-            text = f"the model was seen up to {measured_max:g} A; lower it, or measure further"
+            text = f"the model is valid up to {measured_max:g} A; lower it, or measure at higher currents"
             raise faults_error(
                 self.file.path, [FileFault(("limits", "current_high_A"), text, code="beyond-model")]
             )
@@ -153,12 +153,10 @@ def _find_option_faults(table: ControllerTable, request: CompileRequest) -> list
         text = f'is "{compensation.variant}" here and {request.kind} in --kind; make them equal'
         faults.append(FileFault(("compensation", "variant"), text, code="option-differs"))
     if compensation.format != "fixed":
-        text = (
-            f'"{compensation.format}" is for simulations; write "fixed", which goes with --io q31'
-        )
+        text = f'"{compensation.format}" is for simulations; write "fixed", the format of --io q31'
         faults.append(FileFault(("compensation", "format"), text, code="not-compilable"))
     if table.pair is None and table.limits.force_low_N < 0.0:
-        text = "a single magnet cannot push; raise it to 0, or describe the second in [pair]"
+        text = "a single magnet cannot push; raise it to 0, or describe the second magnet in [pair]"
         faults.append(FileFault(("limits", "force_low_N"), text, code="cannot-push"))
     return faults
 
@@ -183,7 +181,7 @@ def _check_format(table: ControllerTable, request: CompileRequest) -> None:
         step = 1.25 * (limits.gap_high_m - limits.gap_low_m) / 2**16
         speed = step * table.rate_Hz
         raise InputError(
-            f"--io: in q15 a gap has steps of {1e9 * step:.2g} nm and its speed of "
+            f"--io: in q15 a gap has steps of {1e9 * step:.2g} nm, and its speed has steps of "
             f"{1e3 * speed:.2g} mm/s, too coarse to control it; give q31",
             code="format-too-coarse",
             key="--io",
@@ -203,9 +201,9 @@ _GAIN_COMMENTS = (
     ("derivative", "K_d/T*Y/U/4"),
     ("second", "K_dd/T^2*Y/U/4"),
     ("load", "K_l*L/U/8"),
-    ("back", "4*share that the integral takes back"),
-    ("smoothing", "of the first derivative, minus the share of a tick"),
-    ("smoothing_2", "of the second"),
+    ("back", "4*share of the excess that the integral removes"),
+    ("smoothing", "low-pass of the first derivative: minus the share of a tick"),
+    ("smoothing_2", "low-pass of the second derivative"),
 )
 _MIN_INT32 = -(2**31)
 
@@ -250,8 +248,8 @@ def _setting_lines(plan: ControllerPlan, name: str) -> CommentedLines:
         yield _gap_line(plan, magnet), f"from position to gap, magnet {magnet}"
     yield "}},", ""
     yield _member_line(plan, "bias", ".bias"), f"{control.bias:.6g} N"
-    yield _member_line(plan, "measured", ".measured"), "1: currents as measured count as applied"
-    yield f".plain = &{name}_controller_plain,", "drives while nothing is compensated"
+    yield _member_line(plan, "measured", ".measured"), "1: the measured currents are committed"
+    yield f".plain = &{name}_controller_plain,", "map that is used while the compensation is off"
 
 
 def _gain_lines(plan: ControllerPlan) -> CommentedLines:

@@ -230,7 +230,7 @@ def check_folder(out: PathLike) -> None:
     if target.exists() and not target.is_dir():
         raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
     if target.is_dir() and any(target.iterdir()) and not _is_compiled_folder(target):
-        text = f"{out}: holds files that anhyst compile has not written; name another folder"
+        text = f"{out}: contains files that anhyst compile did not write; name another folder"
         raise InputError(text, code="folder-holds-other-files")
     if not target.parent.is_dir():
         raise InputError(f"{target.parent}: no such folder; create it first", code="no-such-folder")

@@ -102,8 +102,8 @@ class Compiled(CompiledFolder):
         page = next(name for name in self.files if name.endswith("budget.html"))
         if not is_within_allowance(self.plan, self.budget):
             notes.append(
-                f"formats and tables cost more than the {DEFAULT_ACCURACY_PERCENT:g} % of the largest output that "
-                f"is usual: {ADVICE[largest_part(self.budget).name]}; {self.out / page} shows "
+                f"formats and tables cost more than the {DEFAULT_ACCURACY_PERCENT:g} % of the largest output "
+                f"that is usual: {ADVICE[largest_part(self.budget).name]}; {self.out / page} shows "
                 "how much"
             )
         if not is_drift_allowed(self.plan, self.budget):
@@ -208,14 +208,14 @@ def list_omissions(model: Model, *, has_layers: bool = False) -> tuple[str, ...]
     """Return a sentence for each dynamic part of a model that is not compiled."""
     dynamics, notes = model.dynamics, []
     if model.has_eddy_currents and not has_layers:
-        alternative = "; --kind full has it" if model.has_layers else ""
+        alternative = "; --kind full compiles it" if model.has_layers else ""
         notes.append(
-            "how late solid iron answers (gamma) is not compiled: fast demands are met as slow ones "
-            f"are, and anhyst predict with column t_s says what that leaves{alternative}"
+            "the eddy-current lag (gamma) is not compiled: fast demands are compensated like slow ones, "
+            f"and anhyst predict with a column t_s shows the remaining error{alternative}"
         )
     if dynamics is not None and dynamics.lag > 0.0:
         notes.append(
-            f"the lag of {dynamics.lag:.3g} s is not compiled: give the demand so much earlier"
+            f"the lag of {dynamics.lag:.3g} s is not compiled: give the demand earlier by this time"
         )
     if dynamics is not None and dynamics.times:
         notes.append(
@@ -325,7 +325,7 @@ def _select_rate(rate: float | None, controller: PathLike | None) -> float:
     if rate is not None:
         return rate
     if controller is None:
-        text = "--rate: is missing; give the ticks a second, or a --controller file"
+        text = "--rate: is missing; give the sample rate in Hz, or a --controller file"
         raise InputError(text, code="missing", key="--rate")
     return read_controller(controller).settings.rate_Hz
 
@@ -334,14 +334,14 @@ def _check_play_options(controller: PathLike | None, accuracy: float | None) -> 
     """Raise an error for options that a map with one play operator does not have."""
     if controller is not None:
         raise InputError(
-            "--controller: a position controller is compiled with --kind full or simplified; leave "
-            "it out, or give another kind",
+            "--controller: a position controller is compiled with --kind full or simplified; omit "
+            "it, or give another kind",
             code="option-not-for-this",
             key="--controller",
         )
     if accuracy is not None:
         raise InputError(
-            "--accuracy: a map with one play is as accurate as its one play; leave it out, or give "
+            "--accuracy: the accuracy of a map with one play cannot be selected; omit it, or give "
             "--kind full",
             code="option-not-for-this",
             key="--accuracy",

@@ -132,9 +132,10 @@ def _describe_axis(word: Word, block: Block, schedule: Quantity | None) -> str:
             f"a row for each number of them: {2 * narrow} steps of field from -{zone_end:g} to "
             f"{zone_end:g}, {narrow - round(narrow * zone_end)} on each side from there to 1"
         )
-    return {"play": "one a play", "field, both signs": f"{count} steps of field from -1 to 1"}.get(
-        word.axis, f"{count} steps of {word.axis} from 0 to 1"
-    )
+    return {
+        "play": "one per play",
+        "field, both signs": f"{count} steps of field from -1 to 1",
+    }.get(word.axis, f"{count} steps of {word.axis} from 0 to 1")
 
 
 def _describe_gap_axis(count: int, block: Block, schedule: Quantity | None) -> str:

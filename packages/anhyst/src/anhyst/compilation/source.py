@@ -197,15 +197,15 @@ def signal_lines(plan: Plan) -> list[str]:
     if plan.request.io == "f32":
         return _float_signal_lines(plan)
     lines = [
-        f"demand   1.0 is {_value_text(scales.demand, model.output)}; taken from "
+        f"demand   1.0 is {_value_text(scales.demand, model.output)}; limited to "
         f"{_value_text(limits.demand[0], model.output)} to {_value_text(limits.demand[1], model.output)}",
-        f"current  1.0 is {_value_text(scales.current, model.input)}; given from "
+        f"current  1.0 is {_value_text(scales.current, model.input)}; limited to "
         f"{_value_text(limits.current[0], model.input)} to {_value_text(limits.current[1], model.input)}",
     ]
     if model.schedule is not None and scales.gap_high > scales.gap_low:
         lines.append(
             f"gap      0 is {_value_text(scales.gap_low, model.schedule)}, 1.0 is "
-            f"{_value_text(scales.gap_high, model.schedule)}; beyond, the nearer of the two counts"
+            f"{_value_text(scales.gap_high, model.schedule)}; limited to this range"
         )
     else:
         lines.append("gap      not used: pass 0")
@@ -246,15 +246,15 @@ def limit_lines(plan: Plan) -> list[str]:
 def _float_signal_lines(plan: Plan) -> list[str]:
     model, scales, limits = plan.model, plan.block.scales, plan.block.limits
     lines = [
-        f"demand   in {model.output.unit}, taken from {limits.demand[0]:.6g} to "
+        f"demand   in {model.output.unit}, limited to {limits.demand[0]:.6g} to "
         f"{limits.demand[1]:.6g}",
-        f"current  in {model.input.unit}, given from {limits.current[0]:.6g} to "
+        f"current  in {model.input.unit}, limited to {limits.current[0]:.6g} to "
         f"{limits.current[1]:.6g}",
     ]
     if model.schedule is not None and model.needs_schedule:
         lines.append(
             f"gap      in {model.schedule.unit}, from {scales.gap_low:.6g} to "
-            f"{scales.gap_high:.6g}; beyond, the nearer of the two counts"
+            f"{scales.gap_high:.6g}; limited to this range"
         )
     else:
         lines.append("gap      not used: pass 0")

@@ -46,27 +46,27 @@ LOST_MAGNET_ROWS = 200
 FORCE_CURRENT_UNITS = SignalUnits("N", "A")
 GAP_QUANTITY = Quantity("gap", "gap", "m")
 TABLE_COMMENTS = {
-    "pull": "Wrench of 1 N of each magnet, N and N m, a row a magnet.",
-    "see": "Pose of what the heads read, a row a coordinate.",
-    "decouple": "Errors taken to the centre of mass, a row a coordinate.",
+    "pull": "Wrench of 1 N of each magnet, N and N m, one row per magnet.",
+    "see": "Pose from the readings of the heads, one row per coordinate.",
+    "decouple": "Error of the centre of mass from the error of the pose, one row per coordinate.",
     "reach": "Largest plausible error of each coordinate, m and rad.",
-    "weigh": "Wrench of accelerations of the centre of mass, a row a coordinate.",
-    "mass": "Masses and moments of inertia about the point that the pose is of.",
+    "weigh": "Wrench from accelerations of the centre of mass, one row per coordinate.",
+    "mass": "Masses and moments of inertia about the reference point of the pose.",
     "weight": "Wrench of the weight, N and N m.",
-    "yields": "How readily each coordinate is given up once a magnet is lost, of 1.",
-    "land": "By what is aimed at moves in a tick where the body is set down, m and rad.",
-    "lift": "By what it moves at most where it is lifted.",
-    "without": "Pose without each head in its place, zeros where the others do not tell it.",
+    "yields": "Relative weight with which each coordinate is given up if a magnet is lost.",
+    "land": "Change of the target per tick while the body is set down, m and rad.",
+    "lift": "Largest change of the target per tick at lift-off, m and rad.",
+    "without": "Pose without each head in turn; zeros if the other heads do not determine it.",
 }
 """Tables of the controller with their comments, in the order of the C file."""
 FIXED_TABLE_COMMENTS = {
-    "whole": "Forces of least squares of a wrench, a row a magnet.",
-    "yields": "The same where coordinates may be given up.",
+    "whole": "Least-squares forces of a wrench, one row per magnet.",
+    "yields": "The same if coordinates may be given up.",
     **{key: TABLE_COMMENTS[key] for key in TABLE_COMMENTS if key not in ("pull", "yields")},
 }
 """Tables of a controller in fixed point; their values are codes."""
-SHIFT_COMMENT = "Digits behind the point of each row of it."
-REMAINDER_COMMENT = "Forces to those of them that make no wrench, q30, a row a magnet."
+SHIFT_COMMENT = "Number of fractional bits of each row of this table."
+REMAINDER_COMMENT = "Projection of forces to forces without a wrench, q30, one row per magnet."
 
 
 @dataclass(frozen=True)
@@ -364,7 +364,7 @@ def _table_definition(name: str, doc: str, values: NDArray[np.int16] | FloatArra
     else:
         kind, unit = "float", "A"
         lines = [line for row in values.tolist() for line in wrap_row(float_list(row))]
-    head = f"/* {doc}, {unit}: a row a gap. */"
+    head = f"/* {doc}, {unit}; one row per gap. */"
     return "\n".join([head, f"static const {kind} {name}[{values.size}] = {{", *lines, "};"])
 
 
