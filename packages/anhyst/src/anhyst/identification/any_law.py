@@ -85,13 +85,13 @@ class _AnyLawProblem:
         varying: Collection[str] = MAY_VARY[self.gap_map] & {"rho", "c_H"}
         if self.gap_map == "free":
             varying = ranges
-        moving = []
+        coordinates = []
         for name, (low, high) in ranges.items():
             is_varying = self.records.gap_count > 1 and name in varying
             nodes = range(self.records.gap_count) if is_varying else (None,)
-            moving += [_Coordinate(name, node, low, high) for node in nodes]
-        gauge = _Coordinate("c_H", 0, 0.1, 10.0)
-        return tuple(entry for entry in moving if entry != gauge)
+            coordinates += [_Coordinate(name, node, low, high) for node in nodes]
+        fixed_by_gauge = _Coordinate("c_H", 0, 0.1, 10.0)
+        return tuple(entry for entry in coordinates if entry != fixed_by_gauge)
 
     def model(self, entries: tuple[_Coordinate, ...], theta: FloatArray) -> Model:
         """Return the model at a point of the cube of some entries."""
@@ -147,16 +147,16 @@ class _AnyLawProblem:
         weighted = columns * self.weights[:, None]
         target = self.measured * self.weights
         (gain, offset), *_ = np.linalg.lstsq(weighted, target, rcond=None)
-        off = weighted @ np.array([gain, offset]) - target
-        return float(gain), float(offset), float(off @ off) if gain > 0.0 else np.inf
+        residual = weighted @ np.array([gain, offset]) - target
+        return float(gain), float(offset), float(residual @ residual) if gain > 0.0 else np.inf
 
     def find_starts(self, seed: int) -> list[tuple[float, tuple[_Coordinate, ...], FloatArray]]:
         """Return the best sets of a spread: cost, and where a descent begins."""
-        free = [entry.name for entry in self.entries if not entry.node]  # all nodes alike
+        names = [entry.name for entry in self.entries if not entry.node]  # all nodes alike
         starts = []
-        for draw in sample_unit_cube(len(free), SCREENED_SETS, seed).T:
-            drawn = dict(zip(free, draw, strict=True))
-            theta = np.array([drawn.get(entry.name, 0.5) for entry in self.entries])
+        for point in sample_unit_cube(len(names), SCREENED_SETS, seed).T:
+            values = dict(zip(names, point, strict=True))
+            theta = np.array([values.get(entry.name, 0.5) for entry in self.entries])
             shape = self.outputs(self.model(self.entries, theta))
             if shape is None or not np.ptp(shape):
                 continue
@@ -196,37 +196,37 @@ def fit_any_law(
         maps = (gap_map,)  # type: ignore[assignment]  # the caller has checked it
     elif is_scheduled_over_gap(loopset):
         maps = ("scaling", "reluctance")
-    ends = [
+    fits = [
         _descend(_AnyLawProblem(LAWS[law], name, loopset, records, offsets), seed) for name in maps
     ]
-    _, best = min(ends, key=lambda end: end[0])
-    return replace(best, evaluations=sum(outcome.evaluations for _, outcome in ends))
+    _, best = min(fits, key=lambda fit: fit[0])
+    return replace(best, evaluations=sum(outcome.evaluations for _, outcome in fits))
 
 
 def _descend(problem: _AnyLawProblem, seed: int) -> tuple[float, Outcome]:
     """Return the cost and what least squares come to under one gap map."""
     from scipy.optimize import OptimizeResult, least_squares
 
-    begins = problem.find_starts(seed)
-    if not begins:
+    starts = problem.find_starts(seed)
+    if not starts:
         raise NoUsableStartError
 
     def descend(
-        entries: tuple[_Coordinate, ...], theta: FloatArray, tolerance: float, most: int
+        entries: tuple[_Coordinate, ...], theta: FloatArray, tolerance: float, max_evaluations: int
     ) -> OptimizeResult:
         return least_squares(
-            lambda at: problem.residuals(entries, at),
+            lambda point: problem.residuals(entries, point),
             np.clip(theta, 1e-6, 1.0 - 1e-6),
             bounds=(0.0, 1.0),
             ftol=tolerance,
             xtol=tolerance,
             diff_step=1e-6,
-            max_nfev=most,
+            max_nfev=max_evaluations,
         )
 
-    short = [(descend(entries, theta, 1e-3, 6), entries) for _, entries, theta in begins]
-    end, entries = min(short, key=lambda attempt: float(attempt[0].cost))
-    best = descend(entries, end.x, 1e-8, 60)
+    short_fits = [(descend(entries, theta, 1e-3, 6), entries) for _, entries, theta in starts]
+    best_short, entries = min(short_fits, key=lambda attempt: float(attempt[0].cost))
+    best = descend(entries, best_short.x, 1e-8, 60)
     why = f"gap map '{problem.gap_map}' fits the loops best of those tried"
     model = problem.model(entries, best.x)
     uncertainty = _assess(problem, entries, best.x, best.fun, best.jac)

@@ -80,10 +80,10 @@ class ModelCandidate:
 def make_titles(candidates: Sequence[ModelCandidate], law: str) -> list[str]:
     """Return a name for each candidate, under its gap map; no two are the same."""
     names = [candidate.title(law) for candidate in candidates]
-    keys = [(name, each.file_gap_map) for name, each in zip(names, candidates, strict=True)]
-    alike = Counter(keys)
+    keys = [(name, entry.file_gap_map) for name, entry in zip(names, candidates, strict=True)]
+    counts = Counter(keys)
     return [
-        ", ".join([key[0], *(candidate.details() if alike[key] > 1 else ())])
+        ", ".join([key[0], *(candidate.details() if counts[key] > 1 else ())])
         for key, candidate in zip(keys, candidates, strict=True)
     ]
 
@@ -107,46 +107,54 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
     for other schedules. The offsets of a sensor do not depend on the gap: ``circuit`` lets them
     only where it is asked for.
     """
-    gaps, held = run.search_records.gap_count, run.fixed
+    gaps, fixed = run.search_records.gap_count, run.fixed
     if gap_map == "circuit":
-        candidates = [ModelCandidate("leakage", held)] if gaps >= 3 else []
-        candidates.append(ModelCandidate("circuit", held, OFFSET_NAMES, rank=1))
-        apart = gaps >= 3 and not held >= OFFSET_NAMES
-        return [*candidates, ModelCandidate("circuit", held, rank=2)] if apart else candidates
+        candidates = [ModelCandidate("leakage", fixed)] if gaps >= 3 else []
+        candidates.append(ModelCandidate("circuit", fixed, OFFSET_NAMES, rank=1))
+        has_offset_variant = gaps >= 3 and not fixed >= OFFSET_NAMES
+        return (
+            [*candidates, ModelCandidate("circuit", fixed, rank=2)]
+            if has_offset_variant
+            else candidates
+        )
     if gap_map == "free":
         # With everything free at each gap, interaction and shape of the anhysteretic replace each
         # other almost without trace, and what is interpolated of them need not fit together.
         # Without interaction the fit is a little worse and may predict much better.
         # The same holds of offsets at every gap.
         if gaps < 3:
-            return [ModelCandidate("free", held)]
+            return [ModelCandidate("free", fixed)]
         candidates = [
-            ModelCandidate("free", held | OFFSET_NAMES),
-            ModelCandidate("free", held | OFFSET_NAMES | {"omega"}),
+            ModelCandidate("free", fixed | OFFSET_NAMES),
+            ModelCandidate("free", fixed | OFFSET_NAMES | {"omega"}),
         ]
-        if not held >= OFFSET_NAMES:
+        if not fixed >= OFFSET_NAMES:
             candidates += [
-                ModelCandidate("free", held, rank=1),
-                ModelCandidate("free", held | {"omega"}, rank=1),
+                ModelCandidate("free", fixed, rank=1),
+                ModelCandidate("free", fixed | {"omega"}, rank=1),
             ]
         return candidates
     if gap_map != "auto":
-        return [ModelCandidate(gap_map, held)]
-    candidates = [ModelCandidate("scaling", held)]
+        return [ModelCandidate(gap_map, fixed)]
+    candidates = [ModelCandidate("scaling", fixed)]
     if not is_scheduled_over_gap(loopset):
         others = map_candidates(run, loopset, "free")
         return candidates + [replace(other, rank=other.rank + 1) for other in others]
     if not run.form.kernel.is_coupled:
-        candidates.append(ModelCandidate("reluctance", held))
-        candidates += [ModelCandidate("leakage", held, rank=1)] if gaps >= 3 else []
+        candidates.append(ModelCandidate("reluctance", fixed))
+        candidates += [ModelCandidate("leakage", fixed, rank=1)] if gaps >= 3 else []
     return candidates
 
 
 def select_cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> ModelCandidate:
     """Name the gap map under which play cells are searched for: the most flexible of a gap's."""
     order = ("leakage", "circuit", "reluctance")
-    able = [candidate for candidate in maps if candidate.gap_map in order]
-    return min(able, key=lambda candidate: order.index(candidate.gap_map)) if able else base
+    circuit_maps = [candidate for candidate in maps if candidate.gap_map in order]
+    return (
+        min(circuit_maps, key=lambda candidate: order.index(candidate.gap_map))
+        if circuit_maps
+        else base
+    )
 
 
 def with_gap_map(cells: ModelCandidate, other: ModelCandidate) -> ModelCandidate:
@@ -241,34 +249,38 @@ class Comparison:
 
     def find_rivals(self) -> list[ModelCandidate]:
         """Return the candidates that might win if one part had not been measured."""
-        squares = {
-            entrant: mean_square_error(self.withheld_errors(entrant)) for entrant in self.eligible
+        mean_squares = {
+            candidate: mean_square_error(self.withheld_errors(candidate))
+            for candidate in self.eligible
         }
-        most = _MAX_SQUARE_RATIO_OF_RIVALS * min(squares.values())
+        max_square = _MAX_SQUARE_RATIO_OF_RIVALS * min(mean_squares.values())
         return [
-            model
-            for model in self.eligible
-            if squares[model] <= most or model == self.select_best()
+            entry
+            for entry in self.eligible
+            if mean_squares[entry] <= max_square or entry == self.select_best()
         ]
 
     def select_best(self, outer_fold: Fold = frozenset()) -> ModelCandidate:
         """Choose from all places, or from all but some."""
-        tried = [entrant for entrant in self.eligible if self.has_all_refits(entrant, outer_fold)]
-        missed = {entrant: self.withheld_errors(entrant, outer_fold) for entrant in tried}
-        if not any(missed.values()):
+        tried = [
+            candidate for candidate in self.eligible if self.has_all_refits(candidate, outer_fold)
+        ]
+        errors = {candidate: self.withheld_errors(candidate, outer_fold) for candidate in tried}
+        if not any(errors.values()):
             simplest = min(
-                self.eligible, key=lambda entrant: (entrant.rank, self._cost(entrant, outer_fold))
+                self.eligible,
+                key=lambda candidate: (candidate.rank, self._cost(candidate, outer_fold)),
             )
             return self._replace_by_better_fit(simplest, self.eligible, outer_fold)
         best = None
-        for rank in sorted({entrant.rank for entrant in tried}):
-            alike = [entrant for entrant in tried if entrant.rank == rank]
+        for rank in sorted({candidate.rank for candidate in tried}):
+            same_rank = [candidate for candidate in tried if candidate.rank == rank]
             means = {
-                model: mean_square_error(_comparable_errors(missed[model], alike))
-                for model in alike
+                model: mean_square_error(_comparable_errors(errors[model], same_rank))
+                for model in same_rank
             }
-            enough = EQUAL_ERROR_RATIO * min(means.values())
-            first = next(entrant for entrant, mean in means.items() if mean <= enough)
+            max_mean = EQUAL_ERROR_RATIO * min(means.values())
+            first = next(candidate for candidate, mean in means.items() if mean <= max_mean)
             if best is None or self._is_better(first, best, outer_fold):
                 best = first
         assert best is not None
@@ -278,8 +290,8 @@ class Comparison:
         self, best: ModelCandidate, tried: Sequence[ModelCandidate], outer_fold: Fold
     ) -> ModelCandidate:
         """Return the simplest candidate that fits several times better and predicts as well."""
-        while able := [other for other in tried if self._should_replace(best, other, outer_fold)]:
-            best = min(able, key=lambda other: (other.rank, self._cost(other, outer_fold)))
+        while better := [other for other in tried if self._should_replace(best, other, outer_fold)]:
+            best = min(better, key=lambda other: (other.rank, self._cost(other, outer_fold)))
         return best
 
     def _is_better(self, other: ModelCandidate, simpler: ModelCandidate, outer_fold: Fold) -> bool:
@@ -288,13 +300,13 @@ class Comparison:
         Of blocks, also whether it is much better on both fitted and left-out data.
         """
         pair = [simpler, other]
-        blocks = self.withheld_kind == "block"
-        certain = _CELL_SIGMAS_FOR_BLOCKS if blocks and simpler.cells else 1.0
-        own, others = (
+        is_by_block = self.withheld_kind == "block"
+        sigmas = _CELL_SIGMAS_FOR_BLOCKS if is_by_block and simpler.cells else 1.0
+        simpler_errors, other_errors = (
             _comparable_errors(self.withheld_errors(each, outer_fold), pair) for each in pair
         )
-        has_smaller_error = is_better(own, others, certain)
-        if has_smaller_error or not blocks:
+        has_smaller_error = is_better(simpler_errors, other_errors, sigmas)
+        if has_smaller_error or not is_by_block:
             return has_smaller_error
         squares = [mean_square_error(self.withheld_errors(each, outer_fold)) for each in pair]
         costs = [self._cost(each, outer_fold) for each in pair]
@@ -320,8 +332,10 @@ class Comparison:
         self, candidate: ModelCandidate, other: ModelCandidate, outer_fold: Fold = frozenset()
     ) -> bool:
         """Whether a candidate fits the loops several times worse than another."""
-        own, least = (self._excess_cost(each, outer_fold) for each in (candidate, other))
-        return own > _WORSE_FIT_RATIO**2 * least
+        own_excess, other_excess = (
+            self._excess_cost(each, outer_fold) for each in (candidate, other)
+        )
+        return own_excess > _WORSE_FIT_RATIO**2 * other_excess
 
     def _excess_cost(self, candidate: ModelCandidate, outer_fold: Fold) -> float:
         """Return the cost of a fit above that of the noise, and above what nobody sees."""
@@ -347,13 +361,13 @@ class Comparison:
     def errors_by_map(self, law_candidate: ModelCandidate) -> dict[str, float]:
         """Return the error of the best variant of each gap map, under the law of a candidate."""
         errors: dict[str, float] = {}
-        for entrant in self.eligible if self.withheld else ():
-            if (entrant.cells, entrant.has_fitted_weights) == (
+        for candidate in self.eligible if self.withheld else ():
+            if (candidate.cells, candidate.has_fitted_weights) == (
                 law_candidate.cells,
                 law_candidate.has_fitted_weights,
             ):
-                error = mean_error(self.withheld_errors(entrant))
-                name = entrant.file_gap_map
+                error = mean_error(self.withheld_errors(candidate))
+                name = candidate.file_gap_map
                 errors[name] = min(error, errors.get(name, np.inf))
         return errors
 
@@ -362,8 +376,10 @@ class Comparison:
         errors = []
         for index in self.withheld:
             fold = frozenset({index})
-            seen = fold if len(self.withheld) > 1 else frozenset[int]()  # one gap alone decides
-            winner = self.select_best(seen) if len(self.eligible) > 1 else self.eligible[0]
+            outer_fold = (
+                fold if len(self.withheld) > 1 else frozenset[int]()
+            )  # one gap alone decides
+            winner = self.select_best(outer_fold) if len(self.eligible) > 1 else self.eligible[0]
             errors.append(self.refits[fold][winner].errors[index].mean)
         return errors
 

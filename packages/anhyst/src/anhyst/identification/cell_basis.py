@@ -69,15 +69,17 @@ class CellBasis:
         """Return the output of each curve at the places of the cells; shape (n, cells * curves)."""
         if self.centres is None:
             return np.tanh(fields[:, :, None] / self.widths).reshape(fields.shape[0], -1)
-        found = np.tanh((fields[:, :, None] - self.centres) / self.widths)
-        near = self.centres < SATURATED_WIDTHS * self.widths
+        curves = np.tanh((fields[:, :, None] - self.centres) / self.widths)
+        has_mirror = self.centres < SATURATED_WIDTHS * self.widths
         if fields.min() < 0.0:
-            near[:] = True
-        mirrored = np.tanh((fields[:, :, None] + self.centres[near]) / self.widths[near])
-        found[:, :, ~near] += 1.0
-        found[:, :, near] += mirrored
-        found *= 0.5
-        return np.asarray(found.reshape(fields.shape[0], -1))
+            has_mirror[:] = True
+        mirrored = np.tanh(
+            (fields[:, :, None] + self.centres[has_mirror]) / self.widths[has_mirror]
+        )
+        curves[:, :, ~has_mirror] += 1.0
+        curves[:, :, has_mirror] += mirrored
+        curves *= 0.5
+        return np.asarray(curves.reshape(fields.shape[0], -1))
 
     def solved_columns(self, matrix: FloatArray) -> NDArray[np.bool_]:
         """Return the columns that a fit solves for, given their values over the loops.
@@ -90,16 +92,16 @@ class CellBasis:
             return np.ones(matrix.shape[1], dtype=np.bool_)
         height = np.ptp(matrix, axis=0)
         r, b, slack = self.thresholds[:, None], self.centres, 0.5 * self.thresholds[1]
-        within = (b <= self.max_field - r + slack) & ((b >= r) | self.is_even)
-        within[:, 0] = r[:, 0] < self.max_field
-        return np.asarray((height > MIN_CURVE_CHANGE * height.max()) | within.ravel())
+        can_be_reached = (b <= self.max_field - r + slack) & ((b >= r) | self.is_even)
+        can_be_reached[:, 0] = r[:, 0] < self.max_field
+        return np.asarray((height > MIN_CURVE_CHANGE * height.max()) | can_be_reached.ravel())
 
     def second_differences(self, is_solved: NDArray[np.bool_]) -> FloatArray:
         """Return the second differences of the kept columns; columns after the curves have none."""
         count = np.count_nonzero(is_solved)
-        place = np.full(is_solved.size, -1)
-        place[is_solved] = np.arange(count)
-        table = place[: self.thresholds.size * self.widths.size].reshape(self.shape)
+        column_of = np.full(is_solved.size, -1)
+        column_of[is_solved] = np.arange(count)
+        table = column_of[: self.thresholds.size * self.widths.size].reshape(self.shape)
         # One after the other over the thresholds, and on the grid over centres; not the first,
         # which are the free cell and the straight curve.
         triples = sliding_window_view(table.T[:, 1:], 3, axis=1).reshape(-1, 3)
@@ -116,13 +118,13 @@ class CellBasis:
         table = weights.reshape(self.shape)
         if self.centres is None:
             return CellWeights(self.thresholds, self.widths, table)
-        rows = table.any(axis=1) | (self.thresholds == 0.0)
-        curves = table.any(axis=0)
+        kept_rows = table.any(axis=1) | (self.thresholds == 0.0)
+        kept_curves = table.any(axis=0)
         return CellWeights(
-            self.thresholds[rows],
-            self.widths[curves],
-            table[np.ix_(rows, curves)],
-            centres=self.centres[curves],
+            self.thresholds[kept_rows],
+            self.widths[kept_curves],
+            table[np.ix_(kept_rows, kept_curves)],
+            centres=self.centres[kept_curves],
         )
 
 

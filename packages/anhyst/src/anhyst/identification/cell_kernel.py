@@ -96,26 +96,26 @@ class DrivenCells:
     ) -> CellPath:
         """Return them with derivatives: by the numbers of the law, omega, and what moves r."""
         self._require_no_jump(omega)
-        law = self.tangents.widths.shape[-1]
-        directions = law + 1 + r_t.shape[1]
-        omega_t, moved = np.zeros((r.size, directions)), np.zeros((r.size, directions))
-        omega_t[:, law] = is_own_gap
-        moved[:, law + 1 :] = r_t
+        law_count = self.tangents.widths.shape[-1]
+        directions = law_count + 1 + r_t.shape[1]
+        omega_t, r_derivatives = np.zeros((r.size, directions)), np.zeros((r.size, directions))
+        omega_t[:, law_count] = is_own_gap
+        r_derivatives[:, law_count + 1 :] = r_t
         weights_t, widths_t, thresholds_t = (
-            np.concatenate([by, np.zeros((*by.shape[:-1], directions - law))], axis=-1)
+            np.concatenate([by, np.zeros((*by.shape[:-1], directions - law_count))], axis=-1)
             for by in self.tangents
         )
         x, m, x_t, m_t, status = self._operator.sensitivity(
-            omega, r, omega_t, moved, weights_t, widths_t, thresholds_t, starts
+            omega, r, omega_t, r_derivatives, weights_t, widths_t, thresholds_t, starts
         )
         require_answer(status)
         return CellPath(x, m, x_t, m_t)
 
     def _require_no_jump(self, omega: FloatArray) -> None:
-        steepest = self._operator.steepest * (
+        max_slope = self._operator.steepest * (
             1.0 if self.table_error == EXACT_TABLE_ERROR else _MAX_TABLE_SLOPE_RATIO
         )
-        if 1.0 + float(omega.min()) * steepest <= 0.0:
+        if 1.0 + float(omega.min()) * max_slope <= 0.0:
             raise NoResponseError("the magnetisation may jump")
 
 
@@ -149,13 +149,13 @@ _REVERSIBLE_PARAMETERS = (
 
 def _population_parameters(index: int) -> tuple[FitParameter, ...]:
     """Return the numbers of a population; share and width of the first are the units."""
-    every = (
+    parameters = (
         FitParameter(f"share_{index}", f"M_{index}/M_1", 1e-3, 1e2, "log", prior_mean=1.0),
         FitParameter(f"width_{index}", f"a_{index}/a_1", 3e-2, 3e1, "log", prior_mean=1.0),
         FitParameter(f"pinning_{index}", f"k_{index}/a_1", 1e-3, 1e2, "log", prior_mean=0.3),
         FitParameter(f"spread_{index}", f"s_{index}", 0.3, 12.0, "log", prior_mean=1.5),
     )
-    return every[2:] if index == 1 else every
+    return parameters[2:] if index == 1 else parameters
 
 
 class _CellKernelBase:
@@ -181,8 +181,8 @@ class CellKernel(_CellKernelBase):
     @cached_property
     def fit_parameters(self) -> tuple[FitParameter, ...]:
         """Numbers of the law that a fit varies."""
-        pinned = map(_population_parameters, range(1, self.population_count + 1))
-        return (*_REVERSIBLE_PARAMETERS, *chain.from_iterable(pinned))
+        of_populations = map(_population_parameters, range(1, self.population_count + 1))
+        return (*_REVERSIBLE_PARAMETERS, *chain.from_iterable(of_populations))
 
     def make_driven_cells(self, law: tuple[float, ...]) -> DrivenCells:
         """Return the cells of a set of numbers, ready to be driven."""
@@ -192,14 +192,14 @@ class CellKernel(_CellKernelBase):
         self, saturation: float, width: float, law: tuple[float, ...], alpha: float
     ) -> dict[str, float]:
         """Return the parameters of an iron, from its scales and what was fitted."""
-        share_0, width_0, *rest = law
-        rest = [1.0, 1.0, *rest]
+        share_0, width_0, *values = law
+        values = [1.0, 1.0, *values]
         parameters = {"M_0": share_0 * saturation, "a_0": width_0 * width}
         for index in range(self.population_count):
-            share, wide, pinning, spread = rest[4 * index : 4 * index + 4]
+            share, width_ratio, pinning, spread = values[4 * index : 4 * index + 4]
             parameters |= {
                 f"M_{index + 1}": share * saturation,
-                f"a_{index + 1}": wide * width,
+                f"a_{index + 1}": width_ratio * width,
                 f"k_{index + 1}": pinning * width,
                 f"s_{index + 1}": spread,
             }
@@ -227,9 +227,9 @@ class CellKernel(_CellKernelBase):
 def _make_driven_cells(kernel: CellKernel, law: tuple[float, ...]) -> DrivenCells:
     """Cells with derivatives by the numbers."""
     # By M_0, a_0, then M, a, k, s of each population; those of the first are units.
-    moved = [0, 1, *range(4, 2 + 4 * kernel.population_count)]
-    by_all = population_tangents(kernel.pinned_populations(law))
-    tangents = Tangents(*(np.ascontiguousarray(by[..., moved]) for by in by_all))
+    columns = [0, 1, *range(4, 2 + 4 * kernel.population_count)]
+    all_tangents = population_tangents(kernel.pinned_populations(law))
+    tangents = Tangents(*(np.ascontiguousarray(tangent[..., columns]) for tangent in all_tangents))
     return DrivenCells(kernel.make_cells(law), tangents, kernel.table_error)
 
 
@@ -247,26 +247,28 @@ class WeightKernel(_CellKernelBase):
     @cached_property
     def fit_parameters(self) -> tuple[FitParameter, ...]:
         """Numbers that a fit varies: the weights."""
-        start = self.initial_cells
-        spread = _WEIGHT_STD_SHARE * start.saturation
+        cells = self.initial_cells
+        spread = _WEIGHT_STD_SHARE * cells.saturation
         return tuple(
             FitParameter(
                 f"weight_{i}_{j}", f"W_{i}_{j}/M_1", 0.0, 1e2, prior_mean=value, prior_std=spread
             )
-            for (i, j), value in np.ndenumerate(start.weights)
+            for (i, j), value in np.ndenumerate(cells.weights)
         )
 
     def make_cells(self, law: tuple[float, ...]) -> CellWeights:
         """Return the cells of a set of weights."""
-        start = self.initial_cells
-        return replace(start, weights=np.reshape(law, start.weights.shape))
+        cells = self.initial_cells
+        return replace(cells, weights=np.reshape(law, cells.weights.shape))
 
     def make_driven_cells(self, law: tuple[float, ...]) -> DrivenCells:
         """Return the cells of a set of weights, ready to be driven."""
         count, cells = len(law), self.initial_cells
-        by_weights = np.eye(count).reshape(*cells.weights.shape, count)
-        held = (np.zeros((size, count)) for size in (cells.widths.size, cells.thresholds.size))
-        return DrivenCells(self.make_cells(law), Tangents(by_weights, *held))
+        weight_tangents = np.eye(count).reshape(*cells.weights.shape, count)
+        zero_tangents = (
+            np.zeros((size, count)) for size in (cells.widths.size, cells.thresholds.size)
+        )
+        return DrivenCells(self.make_cells(law), Tangents(weight_tangents, *zero_tangents))
 
     def iron_parameters(
         self, saturation: float, width: float, law: tuple[float, ...], alpha: float
@@ -295,11 +297,11 @@ class WeightKernel(_CellKernelBase):
 def make_weight_kernel(kernel: CellKernel, law: tuple[float, ...]) -> WeightKernel:
     """Return the kernel that moves each weight, beginning with populations."""
     start = kernel.make_cells(law)
-    first, *further = start.widths[1:].tolist()
-    more = [part * first for part in ADDED_WIDTH_RATIOS] + [
-        FURTHER_WIDTH_RATIO * width for width in further
+    first_width, *other_widths = start.widths[1:].tolist()
+    added = [ratio * first_width for ratio in ADDED_WIDTH_RATIOS] + [
+        FURTHER_WIDTH_RATIO * width for width in other_widths
     ]
-    widths = np.concatenate([start.widths, more])[: max(MAX_WIDTHS, start.widths.size)]
+    widths = np.concatenate([start.widths, added])[: max(MAX_WIDTHS, start.widths.size)]
     weights = np.zeros((start.thresholds.size, widths.size))
     weights[:, : start.widths.size] = start.weights
     return WeightKernel(replace(start, widths=widths, weights=weights))

@@ -102,9 +102,9 @@ def inner_loops(records: FitRecords) -> tuple[int, ...]:
     order: list[list[int]] = [[] for _ in range(records.gap_count)]
     for index in np.argsort([float(np.max(np.abs(record.output))) for record in records.loops]):
         order[records.loops[index].gap].append(int(index))
-    between = sorted(index for indices in order for index in indices[1:-1])
-    if len(between) > 1:
-        return tuple(between)
+    inner_indices = sorted(index for indices in order for index in indices[1:-1])
+    if len(inner_indices) > 1:
+        return tuple(inner_indices)
     return tuple(sorted(index for indices in order for index in indices[:-1]))
 
 
@@ -122,37 +122,47 @@ def refit(
     start: FoundModel, loopset: Loops, fold: Fold, withheld_kind: WithheldKind = "gap"
 ) -> Refit:
     """Fit without some gaps or loops, offsets and all, and predict them."""
-    whole = start.with_records(start.space.records.thinned(FOLD_SAMPLES)).space
+    full_space = start.with_records(start.space.records.thinned(FOLD_SAMPLES)).space
     groups = list(loopset.by_schedule().values())
-    blocks, kept = blocks_per_loop(whole.records), np.arange(whole.size)
+    blocks, coordinates = blocks_per_loop(full_space.records), np.arange(full_space.size)
     if withheld_kind == "gap":
-        space, kept = whole.without_gaps(fold)
+        space, coordinates = full_space.without_gaps(fold)
     elif withheld_kind == "block":
-        space = replace(whole, records=whole.records.without_blocks(fold, blocks))
+        space = replace(full_space, records=full_space.records.without_blocks(fold, blocks))
     else:
         groups = [[loop] for group in groups for loop in group]
-        space = replace(whole, records=whole.records.without_loops(fold))
-    tolerance, most = (
-        (_TOLERANCE, _MAX_STEPS) if whole.form.cells is None else (_CELL_TOLERANCE, _MAX_CELL_STEPS)
+        space = replace(full_space, records=full_space.records.without_loops(fold))
+    tolerance, max_steps = (
+        (_TOLERANCE, _MAX_STEPS)
+        if full_space.form.cells is None
+        else (_CELL_TOLERANCE, _MAX_CELL_STEPS)
     )
     try:
-        followed = descend_from(space, start.theta[kept], tolerance, most, start.smoothness)
-        if whole.form.cells is None:
-            followed = remove_unneeded_offsets(followed, tolerance, most)
-        model = make_model(followed, loopset)
-        span, clocks = whole.records.output_span, relative_times(groups)
+        fit = descend_from(space, start.theta[coordinates], tolerance, max_steps, start.smoothness)
+        if full_space.form.cells is None:
+            fit = remove_unneeded_offsets(fit, tolerance, max_steps)
+        model = make_model(fit, loopset)
+        span, clocks = full_space.records.output_span, relative_times(groups)
         if withheld_kind == "block":
-            every = [loop for group in groups for loop in group]
-            return Refit(followed.cost, _block_errors(model, span, every, fold, blocks))
-        seen = fold | {0, len(groups) - 1} if withheld_kind == "gap" else fold
-        off = {index: [miss / span for miss in _residuals(model, groups[index])] for index in seen}
-        squares = {
-            index: _mean_squares_without_drift(some, clocks[index]) for index, some in off.items()
+            loops = [loop for group in groups for loop in group]
+            return Refit(fit.cost, _block_errors(model, span, loops, fold, blocks))
+        predicted_gaps = fold | {0, len(groups) - 1} if withheld_kind == "gap" else fold
+        residuals = {
+            index: [residual / span for residual in _residuals(model, groups[index])]
+            for index in predicted_gaps
         }
-        outer = (*squares[0], *squares[len(groups) - 1]) if withheld_kind == "gap" else ()
-        missed = {
+        mean_squares = {
+            index: _mean_squares_without_drift(gap_residuals, clocks[index])
+            for index, gap_residuals in residuals.items()
+        }
+        outer_squares = (
+            (*mean_squares[0], *mean_squares[len(groups) - 1]) if withheld_kind == "gap" else ()
+        )
+        errors = {
             index: WithheldError(
-                float(np.mean(np.abs(np.concatenate(off[index])))), squares[index], outer
+                float(np.mean(np.abs(np.concatenate(residuals[index])))),
+                mean_squares[index],
+                outer_squares,
             )
             for index in fold
         }
@@ -161,24 +171,25 @@ def refit(
         return Refit(
             np.inf, {index: WithheldError(np.inf, (np.inf,) * n) for index, n in sizes.items()}
         )
-    return Refit(followed.cost, missed)
+    return Refit(fit.cost, errors)
 
 
 def _block_errors(
     model: Model, span: float, loops: Sequence[Loop], fold: Fold, blocks: int
 ) -> dict[int, WithheldError]:
     """Return the error in each block."""
-    missed, off = {}, {}
+    errors, residuals = {}, {}
     for index in fold:
         loop, number = divmod(index, blocks)
-        if loop not in off:
-            off[loop] = _residuals(model, [loops[loop]])[0] / span
-        part = off[loop][block_numbers_along(loops[loop].input, blocks) == number]
-        samples = max(part.size, 1)  # a block of a jump has none
-        missed[index] = WithheldError(
-            float(np.sum(np.abs(part))) / samples, (float(part @ part) / samples,)
+        if loop not in residuals:
+            residuals[loop] = _residuals(model, [loops[loop]])[0] / span
+        block_residual = residuals[loop][block_numbers_along(loops[loop].input, blocks) == number]
+        samples = max(block_residual.size, 1)  # a block of a jump has none
+        errors[index] = WithheldError(
+            float(np.sum(np.abs(block_residual))) / samples,
+            (float(block_residual @ block_residual) / samples,),
         )
-    return missed
+    return errors
 
 
 def _residuals(model: Model, loops: Sequence[Loop]) -> list[FloatArray]:
@@ -189,21 +200,21 @@ def _mean_squares_without_drift(
     residuals: Sequence[FloatArray], clocks: Sequence[FloatArray]
 ) -> tuple[float, ...]:
     """Mean squares of deviations at one gap, without the drift that explains most of them."""
-    clock, every = np.concatenate(clocks), np.concatenate(residuals)
-    slope = float(clock @ every) / max(float(clock @ clock), 1e-300)
-    left = [deviation - slope * at for deviation, at in zip(residuals, clocks, strict=True)]
-    return tuple(float(deviation @ deviation) / deviation.size for deviation in left)
+    times, all_residuals = np.concatenate(clocks), np.concatenate(residuals)
+    slope = float(times @ all_residuals) / max(float(times @ times), 1e-300)
+    remaining = [residual - slope * time for residual, time in zip(residuals, clocks, strict=True)]
+    return tuple(float(residual @ residual) / residual.size for residual in remaining)
 
 
 def mean_error(errors: Sequence[WithheldError]) -> float:
     """Average over the gaps left out."""
-    return float(np.mean([miss.mean for miss in errors]))
+    return float(np.mean([error.mean for error in errors]))
 
 
 def mean_square_error(errors: Sequence[WithheldError]) -> float:
     """Average over the loops of the gaps left out, and of the outermost ones."""
     return float(
-        np.mean([square for miss in errors for square in miss.mean_squares + miss.outer_squares])
+        np.mean([square for error in errors for square in error.mean_squares + error.outer_squares])
     )
 
 
@@ -217,23 +228,35 @@ def is_better(
     worse in those that were left out only fits them.
     """
     pairs = list(zip(simpler, complex_, strict=True))
-    left_out = [np.subtract(mine.mean_squares, theirs.mean_squares) for mine, theirs in pairs]
-    outer = [np.subtract(mine.outer_squares, theirs.outer_squares) for mine, theirs in pairs]
-    every = np.concatenate([*left_out, *outer])
-    if not np.isfinite(every).all() or every.size < 2:
+    withheld = [
+        np.subtract(simpler_error.mean_squares, complex_error.mean_squares)
+        for simpler_error, complex_error in pairs
+    ]
+    outer = [
+        np.subtract(simpler_error.outer_squares, complex_error.outer_squares)
+        for simpler_error, complex_error in pairs
+    ]
+    differences = np.concatenate([*withheld, *outer])
+    if not np.isfinite(differences).all() or differences.size < 2:
         return not np.isfinite(mean_error(simpler)) and np.isfinite(mean_error(complex_))
-    scatter = float(np.std(every, ddof=1)) / math.sqrt(every.size)
+    standard_error = float(np.std(differences, ddof=1)) / math.sqrt(differences.size)
     if len(pairs) > 1:
-        gaps = [np.mean([*mine, *theirs]) for mine, theirs in zip(left_out, outer, strict=True)]
-        scatter = max(scatter, float(np.std(gaps, ddof=1)) / math.sqrt(len(gaps)))
-    least = (EQUAL_ERROR_RATIO - 1.0) * mean_square_error(complex_)
-    everywhere = every.size >= _MIN_PLACES and bool(np.all(every > 0.0))
-    if everywhere and mean_square_error(complex_) < _CLEAR_SQUARE_RATIO * mean_square_error(
-        simpler
-    ):
+        gaps = [
+            np.mean([*simpler_error, *complex_error])
+            for simpler_error, complex_error in zip(withheld, outer, strict=True)
+        ]
+        standard_error = max(standard_error, float(np.std(gaps, ddof=1)) / math.sqrt(len(gaps)))
+    min_difference = (EQUAL_ERROR_RATIO - 1.0) * mean_square_error(complex_)
+    is_better_everywhere = differences.size >= _MIN_PLACES and bool(np.all(differences > 0.0))
+    if is_better_everywhere and mean_square_error(
+        complex_
+    ) < _CLEAR_SQUARE_RATIO * mean_square_error(simpler):
         return True
-    worse = mean_error(complex_) > _MAX_MEAN_ERROR_RATIO * mean_error(simpler)
-    return bool(float(every.mean()) > max(sigmas * scatter, least) and not worse)
+    has_larger_mean = mean_error(complex_) > _MAX_MEAN_ERROR_RATIO * mean_error(simpler)
+    return bool(
+        float(differences.mean()) > max(sigmas * standard_error, min_difference)
+        and not has_larger_mean
+    )
 
 
 def mean_log_ratio(
@@ -244,9 +267,9 @@ def mean_log_ratio(
     The ratio is taken place by place, so that a place where both extrapolate does not decide.
     """
     ratios = [
-        math.log(sum(mine.mean_squares) + _NEGLIGIBLE_SQUARE)
-        - math.log(sum(theirs.mean_squares) + _NEGLIGIBLE_SQUARE)
-        for mine, theirs in zip(first, second, strict=True)
+        math.log(sum(first_error.mean_squares) + _NEGLIGIBLE_SQUARE)
+        - math.log(sum(second_error.mean_squares) + _NEGLIGIBLE_SQUARE)
+        for first_error, second_error in zip(first, second, strict=True)
     ]
     if not np.isfinite(ratios).all():
         return (math.inf if math.isfinite(mean_error(second)) else -math.inf), 0.0
@@ -257,9 +280,9 @@ def mean_log_ratio(
 
 def noise_by_gap(loopset: Loops) -> list[float]:
     """Mean absolute noise of the output at each gap, in parts of the largest."""
-    normal, span = math.sqrt(2.0 / math.pi), largest_output(loopset)
+    mean_of_normal, span = math.sqrt(2.0 / math.pi), largest_output(loopset)
     return [
-        normal * float(np.mean([estimate_noise(loop.output) for loop in group])) / span
+        mean_of_normal * float(np.mean([estimate_noise(loop.output) for loop in group])) / span
         for group in loopset.by_schedule().values()
     ]
 
@@ -271,26 +294,26 @@ def expected_error(
 
     Or of one a block of samples, the error to expect at other samples of such loops.
     """
-    left_out = np.array(  # what is mostly noise says no more
+    withheld = np.array(  # what is mostly noise says no more
         [
-            max(math.sqrt(max(error**2 - of_it**2, 0.0)), _MIN_ERROR_SHARE * error)
-            for error, of_it in zip(errors, noises, strict=True)
+            max(math.sqrt(max(error**2 - noise_error**2, 0.0)), _MIN_ERROR_SHARE * error)
+            for error, noise_error in zip(errors, noises, strict=True)
         ]
     )
-    if not left_out.size or not np.isfinite(left_out).all() or left_out.min() <= 0.0:
+    if not withheld.size or not np.isfinite(withheld).all() or withheld.min() <= 0.0:
         return None
-    logs = np.log(left_out)
-    freedom = _PRIOR_GAPS + left_out.size - 1.0
+    logs = np.log(withheld)
+    freedom = _PRIOR_GAPS + withheld.size - 1.0
     variance = (_PRIOR_GAPS * PRIOR_LOG_STD**2 + float(np.sum((logs - logs.mean()) ** 2))) / freedom
-    reach = _student_quantile(freedom) * np.sqrt(variance * (1.0 + 1.0 / left_out.size))
-    low, high = np.exp(logs.mean() - reach), np.exp(logs.mean() + reach)
+    half_width = _student_quantile(freedom) * np.sqrt(variance * (1.0 + 1.0 / withheld.size))
+    low, high = np.exp(logs.mean() - half_width), np.exp(logs.mean() + half_width)
     return CrossValidation(
-        error=float(left_out.mean()),
+        error=float(withheld.mean()),
         interval=(
             float(low / (_GAP_SPACING_FACTOR if withheld_kind == "gap" else 1.0)),
             float(high),
         ),
-        folds=tuple(left_out.tolist()),
+        folds=tuple(withheld.tolist()),
         left_out=withheld_kind,
     )
 

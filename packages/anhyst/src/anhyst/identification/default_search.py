@@ -46,8 +46,8 @@ def _weight_step(
     diagonal = np.diag(linear.normal)
     normal = linear.normal + np.diag(damping * np.maximum(diagonal, 1e-9 * diagonal.max()))
     root = np.linalg.cholesky(normal).T
-    above, _ = nnls(root, root @ (theta - low) - np.linalg.solve(root.T, linear.gradient))
-    return np.asarray(above + low - theta)
+    distance, _ = nnls(root, root @ (theta - low) - np.linalg.solve(root.T, linear.gradient))
+    return np.asarray(distance + low - theta)
 
 
 def descend(
@@ -67,9 +67,9 @@ def descend(
     current = objective.linearise(theta)
     damping, growth = 1e-3, 2.0
     by_weights = isinstance(objective.space.form.cells, WeightKernel)
-    for left in range(max_steps - 1, 0, -1):
-        inward = current.gradient
-        free = ~(((theta <= low) & (inward > 0.0)) | ((theta >= high) & (inward < 0.0)))
+    for steps_left in range(max_steps - 1, 0, -1):
+        gradient = current.gradient
+        free = ~(((theta <= low) & (gradient > 0.0)) | ((theta >= high) & (gradient < 0.0)))
         if not free.any() or not np.any(np.diag(current.normal)[free]):
             break
         if by_weights:
@@ -78,24 +78,25 @@ def descend(
             step = _damped_step(current, free, damping)
         trial = np.clip(theta + step, low, high)
         step = trial - theta
-        foreseen = -float(step @ (2.0 * current.gradient + current.normal @ step))
-        new = objective.linearise_if_better(trial, current.cost)
-        if new is not None:
-            gained = current.cost - new.cost
-            ratio = gained / max(foreseen, 1e-300)
+        predicted_gain = -float(step @ (2.0 * current.gradient + current.normal @ step))
+        accepted = objective.linearise_if_better(trial, current.cost)
+        if accepted is not None:
+            gain = current.cost - accepted.cost
+            ratio = gain / max(predicted_gain, 1e-300)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
             growth = 2.0
-            hopeless = (
-                left < max_steps - _MIN_STEPS_TO_EXTRAPOLATE and new.cost - gained * left > goal
+            is_hopeless = (
+                steps_left < max_steps - _MIN_STEPS_TO_EXTRAPOLATE
+                and accepted.cost - gain * steps_left > goal
             )
-            finished = hopeless or gained <= tolerance * current.cost
-            theta, current = trial, new
-            if finished:
+            is_finished = is_hopeless or gain <= tolerance * current.cost
+            theta, current = trial, accepted
+            if is_finished:
                 break
         else:
             damping *= growth
             growth *= 2.0
-            if abs(foreseen) <= tolerance * current.cost or damping > 1e12:
+            if abs(predicted_gain) <= tolerance * current.cost or damping > 1e12:
                 break
     return theta, current.cost
 
@@ -152,8 +153,8 @@ def descend_from(
 ) -> FoundModel:
     """Descend from a start and count; without a goal in reach (:func:`.descend`) it ends."""
     objective = Objective(space, smoothness)
-    end, cost = descend(objective, theta, tolerance, max_steps, goal)
-    return FoundModel(space, end, cost, objective.evaluations)
+    theta_end, cost = descend(objective, theta, tolerance, max_steps, goal)
+    return FoundModel(space, theta_end, cost, objective.evaluations)
 
 
 def search_one_gap(
@@ -168,10 +169,12 @@ def search_one_gap(
 
 def _descend_from_best(space: CoordinateSpace, starts: list[list[ParameterSet]]) -> FoundModel:
     """Descend a little from each begin, and to the end from the best of them."""
-    most = _SHORT_DESCENT_STEPS + space.records.gap_count
-    tried = [descend_from(space, space.pack(sets), 1e-4, most) for sets in starts]
-    final = descend_from(space, min(tried, key=lambda end: end.cost).theta)
-    return replace(final, evaluations=final.evaluations + sum(end.evaluations for end in tried))
+    max_steps = _SHORT_DESCENT_STEPS + space.records.gap_count
+    short_fits = [descend_from(space, space.pack(sets), 1e-4, max_steps) for sets in starts]
+    final = descend_from(space, min(short_fits, key=lambda fit: fit.cost).theta)
+    return replace(
+        final, evaluations=final.evaluations + sum(fit.evaluations for fit in short_fits)
+    )
 
 
 def search_each_gap(
@@ -185,21 +188,23 @@ def search_each_gap(
     nothing could be interpolated.
     """
     space = CoordinateSpace("free", records, form, fixed)
-    alone = [
+    single_fits = [
         search_one_gap(form, records.at_gap(gap), seed, fixed) for gap in range(records.gap_count)
     ]
-    home = records.reference_gap
-    carried = {home: alone[home]}
-    for gap in [*range(home + 1, records.gap_count), *range(home - 1, -1, -1)]:
-        neighbour = carried[gap - 1 if gap > home else gap + 1]
-        carried[gap] = descend_from(alone[gap].space, neighbour.theta, 1e-6, 30)
-    tie = SMOOTHNESS_WEIGHT * sum(end.cost for end in alone)
-    ends = [
-        descend_from(space, space.pack([end.parameter_sets[0] for end in ones]), 1e-6, 60, tie)
-        for ones in (alone, [carried[gap] for gap in range(records.gap_count)])
+    reference = records.reference_gap
+    neighbour_fits = {reference: single_fits[reference]}
+    for gap in [*range(reference + 1, records.gap_count), *range(reference - 1, -1, -1)]:
+        neighbour = neighbour_fits[gap - 1 if gap > reference else gap + 1]
+        neighbour_fits[gap] = descend_from(single_fits[gap].space, neighbour.theta, 1e-6, 30)
+    smoothness = SMOOTHNESS_WEIGHT * sum(fit.cost for fit in single_fits)
+    joint_fits = [
+        descend_from(
+            space, space.pack([fit.parameter_sets[0] for fit in gap_fits]), 1e-6, 60, smoothness
+        )
+        for gap_fits in (single_fits, [neighbour_fits[gap] for gap in range(records.gap_count)])
     ]
-    best = min(ends, key=lambda end: end.cost)
-    return replace(best, evaluations=sum(end.evaluations for end in (*alone, *ends)))
+    best = min(joint_fits, key=lambda fit: fit.cost)
+    return replace(best, evaluations=sum(fit.evaluations for fit in (*single_fits, *joint_fits)))
 
 
 def join_gaps(
@@ -211,14 +216,16 @@ def join_gaps(
 ) -> FoundModel:
     """Fit all gaps together under one map, from what is known at the reference gap."""
     space = CoordinateSpace(gap_map, records, form, fixed)
-    home = records.reference_gap
+    reference = records.reference_gap
     at_gaps = [
-        (starts, cost_at_gap(space, gap, starts)) if gap == home else scan_gap(space, gap, starts)
+        (starts, cost_at_gap(space, gap, starts))
+        if gap == reference
+        else scan_gap(space, gap, starts)
         for gap in range(records.gap_count)
     ]
     order = np.argsort(np.sum([cost for _, cost in at_gaps], axis=0))
     return _descend_from_best(
-        space, [[ends[index] for ends, _ in at_gaps] for index in order[:MAX_STARTS]]
+        space, [[gap_sets[index] for gap_sets, _ in at_gaps] for index in order[:MAX_STARTS]]
     )
 
 
@@ -226,11 +233,13 @@ def join_circuit(
     reluctance_fit: FoundModel, gap_map: str, common: frozenset[str] = frozenset()
 ) -> FoundModel:
     """Fit all gaps together with one iron, and a circuit around it that takes more than a gap."""
-    old = reluctance_fit.space
-    space = CoordinateSpace(gap_map, old.records, old.form, old.fixed, common)
-    end = descend_from(
+    space_before = reluctance_fit.space
+    space = CoordinateSpace(
+        gap_map, space_before.records, space_before.form, space_before.fixed, common
+    )
+    fit = descend_from(
         space,
         space.pack(reluctance_fit.parameter_sets),
         smoothness=SMOOTHNESS_WEIGHT * reluctance_fit.cost if gap_map in SMOOTHED_MAPS else 0.0,
     )
-    return replace(end, evaluations=end.evaluations + reluctance_fit.evaluations)
+    return replace(fit, evaluations=fit.evaluations + reluctance_fit.evaluations)

@@ -64,14 +64,14 @@ def read_rest_offsets(loopset: Loops) -> RestReadings:
     offset = _make_reading([value for value in lowest if value is not None], span)
     if offset.std is None:
         return RestReadings()
-    first = []
+    first_outputs = []
     for loop in loopset.loops:
-        still = np.logical_and.accumulate(
+        is_at_rest = np.logical_and.accumulate(
             np.abs(loop.input - offset.offset) <= 2.0 * _EQUAL_READING_SHARE * span
         )
-        if loop.history.kind == "demagnetised" and still.any():
-            first.append(float(loop.output[still].mean()))
-    return RestReadings(offset, _make_reading(first, largest_output(loopset)))
+        if loop.history.kind == "demagnetised" and is_at_rest.any():
+            first_outputs.append(float(loop.output[is_at_rest].mean()))
+    return RestReadings(offset, _make_reading(first_outputs, largest_output(loopset)))
 
 
 def _rest_input(loop: Loop, span: float) -> float | None:
@@ -81,11 +81,11 @@ def _rest_input(loop: Loop, span: float) -> float | None:
     if min(abs(low), abs(high)) > MAX_REST_SHARE * span or high - low < 2.0 * MAX_REST_SHARE * span:
         return None
     drive = sign * loop.input
-    size = float(np.median(drive[drive - drive.min() <= _EQUAL_READING_SHARE * span]))
+    rest_value = float(np.median(drive[drive - drive.min() <= _EQUAL_READING_SHARE * span]))
     if np.mean(drive - drive.min() <= _REST_BAND * span) < _MIN_REST_SHARE:
         clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
-        size = _lowest_at_reversals(drive, clock, size, span)
-    return sign * size
+        rest_value = _lowest_at_reversals(drive, clock, rest_value, span)
+    return sign * rest_value
 
 
 def _lowest_at_reversals(
@@ -98,33 +98,35 @@ def _lowest_at_reversals(
     Noise pulls the smallest sample down, and every other sample there is higher than the lowest
     value. Therefore the curves before and after the reversal are extrapolated to where they meet.
     """
-    parts = find_branches(drive)
-    tips = [
+    branch_list = find_branches(drive)
+    reversals = [
         (first.stop - 1, min(first.stop - first.start, second.stop - second.start))
-        for first, second in pairwise(parts)
+        for first, second in pairwise(branch_list)
         if second.is_rising and drive[first.stop - 1] - drive.min() <= MAX_REST_SHARE * span
     ]
     lowest = []
-    for row, length in tips:
-        reach = max(8, length // _BRANCH_PARTS_PER_TIP)
-        skip = max(2, reach // 10)
-        if skip + 6 > reach or row < reach or row + reach >= drive.size:
+    for row, length in reversals:
+        window = max(8, length // _BRANCH_PARTS_PER_TIP)
+        skip = max(2, window // 10)
+        if skip + 6 > window or row < window or row + window >= drive.size:
             continue
-        steps, when = np.arange(skip, reach + 1), clock - clock[row]
-        near = np.linspace(when[row - skip], when[row + skip], 101)
-        sides = [row - steps, row + steps]
-        fits = [Polynomial.fit(when[rows], drive[rows], 2) for rows in sides]
-        around = np.concatenate(sides)
-        whole = Polynomial.fit(when[around], drive[around], 4)
-        apart = [drive[rows] - fit(when[rows]) for rows, fit in zip(sides, fits, strict=True)]
-        sharp = float(np.sum(np.concatenate(apart) ** 2))
-        round_ = float(np.sum((drive[around] - whole(when[around])) ** 2))
-        if round_ <= _ROUND_REVERSAL_RATIO * sharp:
-            lowest.append(float(whole(near).min()))
+        steps, times = np.arange(skip, window + 1), clock - clock[row]
+        fine_times = np.linspace(times[row - skip], times[row + skip], 101)
+        side_rows = [row - steps, row + steps]
+        fits = [Polynomial.fit(times[rows], drive[rows], 2) for rows in side_rows]
+        around = np.concatenate(side_rows)
+        round_fit = Polynomial.fit(times[around], drive[around], 4)
+        residuals = [
+            drive[rows] - fit(times[rows]) for rows, fit in zip(side_rows, fits, strict=True)
+        ]
+        sharp_cost = float(np.sum(np.concatenate(residuals) ** 2))
+        round_cost = float(np.sum((drive[around] - round_fit(times[around])) ** 2))
+        if round_cost <= _ROUND_REVERSAL_RATIO * sharp_cost:
+            lowest.append(float(round_fit(fine_times).min()))
         else:
-            before, after = (fit(near) for fit in fits)
-            meet = np.argmin(np.maximum(before, after))
-            lowest.append(0.5 * float(before[meet] + after[meet]))
+            before, after = (fit(fine_times) for fit in fits)
+            crossing = np.argmin(np.maximum(before, after))
+            lowest.append(0.5 * float(before[crossing] + after[crossing]))
     return float(np.mean(lowest)) if lowest else default
 
 
@@ -135,9 +137,9 @@ def _make_reading(values: Sequence[float], span: float) -> RestReading:
         return RestReading()
     mean = float(np.mean(values))
     std = float(np.std(values, ddof=1) / np.sqrt(len(values)))
-    real = abs(mean) > _OFFSET_SIGMAS * std and abs(mean) > _EQUAL_READING_SHARE * span
+    is_significant = abs(mean) > _OFFSET_SIGMAS * std and abs(mean) > _EQUAL_READING_SHARE * span
     half_width = std * float(stdtrit(len(values) - 1, 0.975))
-    return RestReading(mean if real else 0.0, std, half_width)
+    return RestReading(mean if is_significant else 0.0, std, half_width)
 
 
 WEIGHTINGS = ("loops", "points", "relative")
@@ -168,10 +170,10 @@ class FitRecord:
     @property
     def weights(self) -> FloatArray:
         """Weight of the deviation of each sample; zero of those that a fit does not see."""
-        whole = np.full(self.input.size, self.weight)
+        weights = np.full(self.input.size, self.weight)
         if self.sample_shares is not None:
-            whole *= np.sqrt(self.sample_shares)
-        return whole if self.is_withheld is None else np.where(self.is_withheld, 0.0, whole)
+            weights *= np.sqrt(self.sample_shares)
+        return weights if self.is_withheld is None else np.where(self.is_withheld, 0.0, weights)
 
     @cached_property
     def remembered_history(self) -> InputHistory:
@@ -204,19 +206,21 @@ class FitRecord:
 
         With more in steep parts, each sample represents the measured samples around it.
         """
-        kept = thin_rows(self.input, max_samples, self.output)
-        shares = None if self.sample_shares is None else self.sample_shares[kept]
-        if kept.size > thin_rows(self.input, max_samples).size:
-            begins = np.concatenate([[0], (kept[1:] + kept[:-1] + 1) // 2])
-            every = np.ones(self.input.size) if self.sample_shares is None else self.sample_shares
-            represented = np.add.reduceat(every, begins)
-            shares = represented * (kept.size / represented.sum())
+        samples = thin_rows(self.input, max_samples, self.output)
+        shares = None if self.sample_shares is None else self.sample_shares[samples]
+        if samples.size > thin_rows(self.input, max_samples).size:
+            starts = np.concatenate([[0], (samples[1:] + samples[:-1] + 1) // 2])
+            shares_before = (
+                np.ones(self.input.size) if self.sample_shares is None else self.sample_shares
+            )
+            represented = np.add.reduceat(shares_before, starts)
+            shares = represented * (samples.size / represented.sum())
         return replace(
             self,
-            input=self.input[kept],
-            output=self.output[kept],
-            weight=self.weight * float(np.sqrt(self.input.size / kept.size)),
-            clock=self.clock[kept],
+            input=self.input[samples],
+            output=self.output[samples],
+            weight=self.weight * float(np.sqrt(self.input.size / samples.size)),
+            clock=self.clock[samples],
             sample_shares=shares,
         )
 
@@ -248,28 +252,28 @@ class FitRecords:
 
     def at_gap(self, gap: int) -> FitRecords:
         """Only one gap, as a problem of its own with the same scales."""
-        kept = tuple(
+        records = tuple(
             replace(record, gap=0, history=record.history.only_at(gap))
             for record in self.loops
             if record.gap == gap
         )
-        return replace(self, loops=kept, nodes=self.nodes[gap : gap + 1])
+        return replace(self, loops=records, nodes=self.nodes[gap : gap + 1])
 
     def without_gaps(self, withheld: Collection[int]) -> FitRecords:
         """Take all gaps but these, numbered again from zero."""
-        keep = [gap for gap in range(self.gap_count) if gap not in withheld]
-        numbers = {old: new for new, old in enumerate(keep)}
+        kept_gaps = [gap for gap in range(self.gap_count) if gap not in withheld]
+        new_gaps = {old: new for new, old in enumerate(kept_gaps)}
         loops = tuple(
-            replace(record, gap=numbers[record.gap], history=record.history.renumbered(keep))
+            replace(record, gap=new_gaps[record.gap], history=record.history.renumbered(kept_gaps))
             for record in self.loops
-            if record.gap in numbers
+            if record.gap in new_gaps
         )
-        return replace(self, loops=loops, nodes=self.nodes[keep])
+        return replace(self, loops=loops, nodes=self.nodes[kept_gaps])
 
     def without_loops(self, withheld: Collection[int]) -> FitRecords:
         """Take all loops but these, by their places."""
-        kept = tuple(record for index, record in enumerate(self.loops) if index not in withheld)
-        return replace(self, loops=kept)
+        records = tuple(record for index, record in enumerate(self.loops) if index not in withheld)
+        return replace(self, loops=records)
 
     def without_blocks(self, withheld: Collection[int], blocks_per_loop: int) -> FitRecords:
         """Leave blocks of samples out of the fit, but not out of the drive.
@@ -281,8 +285,8 @@ class FitRecords:
             for i, d in enumerate(self.loops)
         )
         loops = tuple(
-            replace(record, is_withheld=np.isin(of_samples, list(withheld)))
-            for record, of_samples in zip(self.loops, numbers, strict=True)
+            replace(record, is_withheld=np.isin(sample_blocks, list(withheld)))
+            for record, sample_blocks in zip(self.loops, numbers, strict=True)
         )
         return replace(self, loops=loops)
 
@@ -406,8 +410,8 @@ class InputHistory:
 
     def only_at(self, gap: int) -> InputHistory:
         """Take what was at one gap, as if there were no other."""
-        same = self.gap_position == gap
-        return InputHistory.at(self.drive[same], 0)
+        is_at_gap = self.gap_position == gap
+        return InputHistory.at(self.drive[is_at_gap], 0)
 
     def renumbered(self, keep: list[int]) -> InputHistory:
         """Renumber the gaps where only some are kept; what was between stays between."""
@@ -418,9 +422,11 @@ class InputHistory:
         if not self.drive.size:
             return self
         edges = np.flatnonzero(np.diff(self.gap_position)) + 1
-        kept = [remembered_reversals(drive) for drive in np.split(self.drive, edges)]
+        stretches = [remembered_reversals(drive) for drive in np.split(self.drive, edges)]
         gaps = self.gap_position[np.concatenate([[0], edges])]
-        return InputHistory(np.concatenate(kept), np.repeat(gaps, [points.size for points in kept]))
+        return InputHistory(
+            np.concatenate(stretches), np.repeat(gaps, [points.size for points in stretches])
+        )
 
 
 def remembered_reversals(drive: FloatArray) -> FloatArray:
@@ -431,13 +437,13 @@ def remembered_reversals(drive: FloatArray) -> FloatArray:
     """
     direction = np.sign(np.diff(drive))
     moving = np.flatnonzero(direction)
-    turns = moving[1:][direction[moving[1:]] != direction[moving[:-1]]]
-    kept = [float(drive[0])]
-    for point in [*drive[turns].tolist(), float(drive[-1])]:
-        kept.append(point)
-        while len(kept) > 3:
-            rise, cycle, after = np.abs(np.diff(kept[-4:])).tolist()
-            if cycle > min(rise, after):
+    reversal_rows = moving[1:][direction[moving[1:]] != direction[moving[:-1]]]
+    points = [float(drive[0])]
+    for point in [*drive[reversal_rows].tolist(), float(drive[-1])]:
+        points.append(point)
+        while len(points) > 3:
+            before, cycle, after = np.abs(np.diff(points[-4:])).tolist()
+            if cycle > min(before, after):
                 break
-            del kept[-3:-1]
-    return np.array(kept)
+            del points[-3:-1]
+    return np.array(points)

@@ -50,9 +50,11 @@ def make_response_form(
     input_quantity: Quantity, output_quantity: Quantity, law: str
 ) -> ResponseForm:
     """Choose the form of the equations for what was measured."""
-    answer = output_map(output_quantity)
-    permeability = MU_0 if answer.is_flux_density and input_quantity.name == "field" else 0.0
-    return ResponseForm(answer.power, law, permeability=permeability, h=DEFAULT_AIR_CORE_SLOPE)
+    map_of_output = output_map(output_quantity)
+    permeability = MU_0 if map_of_output.is_flux_density and input_quantity.name == "field" else 0.0
+    return ResponseForm(
+        map_of_output.power, law, permeability=permeability, h=DEFAULT_AIR_CORE_SLOPE
+    )
 
 
 def is_scheduled_over_gap(loopset: Loops) -> bool:
@@ -69,22 +71,22 @@ def physical_parameters(
     gaps: Sequence[float],
 ) -> dict[str, Parameter]:
     """Physical parameters for gauge-free ones."""
-    answer, input_name = output_map(output_quantity), input_quantity.name
-    table = [_physical_at_gap(form, local, gap_map, input_name, answer) for local in sets]
+    map_of_output, input_name = output_map(output_quantity), input_quantity.name
+    table = [_physical_at_gap(form, local, gap_map, input_name, map_of_output) for local in sets]
     if gap_map in SERIES_MAPS:
         _make_reluctance_positive(form, table, np.array(gaps))
     for row in table:
         row.update(form.kernel.dead_band_parameter(row, form.dead_band))
-    vary = {
+    varying = {
         "none": set(),
         "scaling": {"c_H"},
         "reluctance": {"rho"},
         "circuit": {"rho", "c_out", "in_0", "out_0"},
         "free": set(table[0]) - ({"c_H"} if input_name == "field" else set()),
     }[gap_map]
-    vary -= {name for name in ("in_0", "out_0") if len({row[name] for row in table}) == 1}
+    varying -= {name for name in ("in_0", "out_0") if len({row[name] for row in table}) == 1}
     return {
-        name: tuple(row[name] for row in table) if name in vary and len(table) > 1 else value
+        name: tuple(row[name] for row in table) if name in varying and len(table) > 1 else value
         for name, value in table[0].items()
     }
 
@@ -94,14 +96,14 @@ def _make_reluctance_positive(
 ) -> None:
     """Move along the redundancy between alpha and rho until no reluctance is negative."""
     rho = np.array([row["rho"] for row in table])
-    least = float(rho.min())
+    min_rho = float(rho.min())
     if gaps.size > 1:
-        least = min(least, float(Curve("rho", gaps, rho)(np.zeros(1))[0])) - _MIN_CLOSED_GAP_RHO
-    p = min(1.0 + least, 1.0)
+        min_rho = min(min_rho, float(Curve("rho", gaps, rho)(np.zeros(1))[0])) - _MIN_CLOSED_GAP_RHO
+    factor = min(1.0 + min_rho, 1.0)
     for row in table:
-        row["rho"] = max((1.0 + row["rho"]) / p - 1.0, 0.0)
-        form.kernel.scale_internal_field(row, p)
-        row["c_out"] /= p**form.power
+        row["rho"] = max((1.0 + row["rho"]) / factor - 1.0, 0.0)
+        form.kernel.scale_internal_field(row, factor)
+        row["c_out"] /= factor**form.power
 
 
 def _physical_at_gap(
@@ -175,23 +177,23 @@ def _model_nodes(fit: FoundModel) -> tuple[FloatArray, list[ParameterSet]]:
     if space.gap_map != "leakage":
         return nodes, sets
     leakage = space.leakage(fit.theta)
-    seen = np.array([local.omega for local in sets])
-    own = Curve("rho", nodes, seen / np.maximum(1.0 - leakage * seen, MIN_GAP_FLUX_SHARE))
+    omegas = np.array([local.omega for local in sets])
+    gap_rho = Curve("rho", nodes, omegas / np.maximum(1.0 - leakage * omegas, MIN_GAP_FLUX_SHARE))
     pieces = [
         np.linspace(*ends, _PIECES_PER_GAP_INTERVAL, endpoint=False) for ends in pairwise(nodes)
     ]
     positions = np.concatenate([*pieces, nodes[-1:]])
-    first, power = sets[0], space.form.power
-    scale = first.scale * (1.0 - first.h * first.omega)
-    gain = first.gain / max(1.0 - leakage * first.omega, MIN_GAP_FLUX_SHARE) ** power
+    first_set, power = sets[0], space.form.power
+    scale = first_set.scale * (1.0 - first_set.h * first_set.omega)
+    gain = first_set.gain / max(1.0 - leakage * first_set.omega, MIN_GAP_FLUX_SHARE) ** power
     return positions, [
         replace(
-            first,
+            first_set,
             omega=omega,
-            scale=scale / (1.0 - first.h * omega),
+            scale=scale / (1.0 - first_set.h * omega),
             gain=gain * max(1.0 - leakage * omega, MIN_GAP_FLUX_SHARE) ** power,
         )
-        for omega in (own(positions) / (1.0 + leakage * own(positions))).tolist()
+        for omega in (gap_rho(positions) / (1.0 + leakage * gap_rho(positions))).tolist()
     ]
 
 
@@ -201,14 +203,14 @@ def valid_range(loopset: Loops) -> ValidRange:
     def span(values: list[FloatArray]) -> tuple[float, float]:
         return min(float(v.min()) for v in values), max(float(v.max()) for v in values)
 
-    at = loopset.schedule_values
+    gaps = loopset.schedule_values
     low, high = span([loop.input for loop in loopset.loops])
     if 0.0 < low <= MAX_REST_SHARE * high:
         low = 0.0  # the sensor's offset is no reason to flag a drive at rest
     return ValidRange(
         input=(low, high),
         output=span([loop.output for loop in loopset.loops]),
-        schedule=(at[0], at[-1]) if at else None,
+        schedule=(gaps[0], gaps[-1]) if gaps else None,
     )
 
 
@@ -224,27 +226,32 @@ _DEAD_BAND_TOLERANCE, _MAX_DEAD_BAND_STEPS = (
 
 def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:
     """Fit again with the widest dead band that the loops allow."""
-    form, most = fit.space.form, MAX_DEVIATION_RATIO**2 * fit.cost
-    for part in DEAD_BAND_RATIOS:
-        space = replace(fit.space, form=replace(form, dead_band=part))
-        tried = descend_from(
-            space, fit.theta, _DEAD_BAND_TOLERANCE, _MAX_DEAD_BAND_STEPS, fit.smoothness, goal=most
+    form, max_cost = fit.space.form, MAX_DEVIATION_RATIO**2 * fit.cost
+    for ratio in DEAD_BAND_RATIOS:
+        space = replace(fit.space, form=replace(form, dead_band=ratio))
+        fit_with_band = descend_from(
+            space,
+            fit.theta,
+            _DEAD_BAND_TOLERANCE,
+            _MAX_DEAD_BAND_STEPS,
+            fit.smoothness,
+            goal=max_cost,
         )
-        if tried.cost <= most and accepts(tried):
-            return replace(tried, evaluations=fit.evaluations + tried.evaluations)
+        if fit_with_band.cost <= max_cost and accepts(fit_with_band):
+            return replace(fit_with_band, evaluations=fit.evaluations + fit_with_band.evaluations)
     return fit
 
 
 def explain_dead_band(before: FoundModel, after: FoundModel) -> str:
     """Report the dead band that the user set, and what it costs."""
-    part = after.space.form.dead_band
-    if part == 0.0:
+    ratio = after.space.form.dead_band
+    if ratio == 0.0:
         return (
             f"none: even one of {DEAD_BAND_RATIOS[-1]:g}*k costs more than "
             f"{MAX_DEVIATION_RATIO - 1:.0%} of the deviation"
         )
     change = float(np.sqrt(after.cost / before.cost)) - 1.0
     return (
-        f"r_d = {part:g}*k, the widest tried that costs at most {MAX_DEVIATION_RATIO - 1:.0%} of the deviation "
+        f"r_d = {ratio:g}*k, the widest tried that costs at most {MAX_DEVIATION_RATIO - 1:.0%} of the deviation "
         f"from the loops; it changes by {100.0 * change:+.1f} %"
     )

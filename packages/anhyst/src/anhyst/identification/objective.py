@@ -80,10 +80,13 @@ class CellResponder:
             raise NoResponseError(str(error)) from error
         if records is not self._grouped:
             self._groups, self._grouped = {}, records
-        alike = tuple(next(i for i, weights in enumerate(cells) if weights is own) for own in cells)
-        if alike not in self._groups:
-            self._groups[alike] = list(_group_drives(records, alike))
-        for drives in self._groups[alike]:
+        first_same = tuple(
+            next(i for i, weights in enumerate(cells) if weights is gap_cells)
+            for gap_cells in cells
+        )
+        if first_same not in self._groups:
+            self._groups[first_same] = list(_group_drives(records, first_same))
+        for drives in self._groups[first_same]:
             yield cells[drives.records[0].gap], drives
 
 
@@ -129,9 +132,9 @@ class _DriveGroup:
 
 def _group_drives(records: Sequence[FitRecord], alike: Sequence[int]) -> Iterator[_DriveGroup]:
     """Group drives in their order, a few thousand samples at a time; gaps with one number are alike."""
-    for _, same in groupby(records, lambda record: alike[record.gap]):
+    for _, gap_records in groupby(records, lambda record: alike[record.gap]):
         group: list[FitRecord] = []
-        for record in same:
+        for record in gap_records:
             group.append(record)
             if sum(record.input.size for record in group) > _MAX_SAMPLES_PER_CALL:
                 yield _join_drives(group)
@@ -239,11 +242,11 @@ class Objective:
             outputs = self.outputs([local for local, _ in self.space.unpack(theta)])
         except NoResponseError:
             return self.no_answer_deviations
-        off = (outputs - self.measured) * self.weights
-        off, cost = self._drift.remove(off)
+        residual = (outputs - self.measured) * self.weights
+        residual, cost = self._drift.remove(residual)
         return np.concatenate(
             [
-                off,
+                residual,
                 cost,
                 self._smoothness_rows @ theta,
                 self._prior_rows @ theta - self._prior_targets,
@@ -260,37 +263,39 @@ class Objective:
         self.evaluations += 1
         sets = self.space.unpack(theta)
         numbers = len(self.space.form.names)
-        squares = np.zeros((len(sets), numbers, numbers))
-        slopes = np.zeros((len(sets), numbers))
-        values, along = [], np.zeros((len(sets), numbers))
+        gap_normals = np.zeros((len(sets), numbers, numbers))
+        gap_gradients = np.zeros((len(sets), numbers))
+        values, gap_drifts = [], np.zeros((len(sets), numbers))
         first, at_gaps = 0, [local for local, _ in sets]
         responses = self._responder.derivatives(self.space.form, at_gaps, self._loops)
         for gap, output, by_local in responses:
             part = slice(first, first + output.size)
             weights = self.weights[part]
             value, weighted = (output - self.measured[part]) * weights, by_local * weights[:, None]
-            squares[gap] += weighted.T @ weighted
-            slopes[gap] += value @ weighted
+            gap_normals[gap] += weighted.T @ weighted
+            gap_gradients[gap] += value @ weighted
             if self._drift.is_present:
-                along[gap] += self._drift.direction[part] @ weighted
+                gap_drifts[gap] += self._drift.direction[part] @ weighted
             first = part.stop
             values.append(value)
-        whole = np.concatenate(values)
-        off, cost = self._drift.remove(whole)
+        residual = np.concatenate(values)
+        without_drift, cost = self._drift.remove(residual)
         values = [
-            off,
+            without_drift,
             cost,
             self._smoothness_rows @ theta,
             self._prior_rows @ theta - self._prior_targets,
         ]
         gradient = self._smoothness_rows.T @ values[-2] + self._prior_rows.T @ values[-1]
         matrix = self._regularisation
-        for (_, by_theta), square, slope in zip(sets, squares, slopes, strict=True):
+        for (_, by_theta), square, slope in zip(sets, gap_normals, gap_gradients, strict=True):
             gradient = gradient + slope @ by_theta
             matrix = matrix + by_theta.T @ square @ by_theta
         if self._drift.is_present:
-            by_drift = np.einsum("gn,gnk->k", along, np.stack([by_theta for _, by_theta in sets]))
-            gradient = gradient - self._drift.slope(whole) * by_drift
+            by_drift = np.einsum(
+                "gn,gnk->k", gap_drifts, np.stack([by_theta for _, by_theta in sets])
+            )
+            gradient = gradient - self._drift.slope(residual) * by_drift
             matrix = matrix - np.outer(by_drift, by_drift) / self._drift.squared_norm
         return np.concatenate(values), gradient, matrix
 
@@ -306,8 +311,8 @@ class Objective:
         try:
             return Linearisation(*self.normal_equations(theta))
         except NoResponseError:
-            nothing = np.zeros((theta.size, theta.size))
-            return Linearisation(self.no_answer_deviations, nothing[0], nothing)
+            zeros = np.zeros((theta.size, theta.size))
+            return Linearisation(self.no_answer_deviations, zeros[0], zeros)
 
     def linearise_if_better(self, theta: FloatArray, cost: float) -> Linearisation | None:
         """Linearise where the cost is below another; a numerical derivative is dear."""
@@ -323,12 +328,12 @@ class Objective:
         low, high = self.space.bounds
         columns = []
         for index in range(theta.size):
-            ends = []
-            for side in (-1e-5, 1e-5):
+            pair = []
+            for step in (-1e-5, 1e-5):
                 moved = theta.copy()
-                moved[index] = np.clip(moved[index] + side, low[index], high[index])
-                ends.append((moved[index], self.deviations(moved)))
-            columns.append((ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]))
+                moved[index] = np.clip(moved[index] + step, low[index], high[index])
+                pair.append((moved[index], self.deviations(moved)))
+            columns.append((pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]))
         return np.stack(columns, axis=1)
 
 
@@ -353,9 +358,9 @@ class _Drift:
 
 def _make_smoothness_rows(space: CoordinateSpace) -> FloatArray:
     """Rows that take the difference of a coordinate between neighbouring gaps; offsets are free."""
-    column = {entry: at for at, entry in enumerate(space.entries)}
+    column_of = {entry: index for index, entry in enumerate(space.entries)}
     pairs = [
-        (column[name, gap], column[name, gap + 1])
+        (column_of[name, gap], column_of[name, gap + 1])
         for name, gap in space.entries
         if gap is not None and gap + 1 < space.records.gap_count and name not in {"in_0", "out_0"}
     ]
@@ -367,11 +372,11 @@ def _make_smoothness_rows(space: CoordinateSpace) -> FloatArray:
 
 def _make_prior_rows(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
     """Rows that take a coordinate in parts of its spread, and what is expected of them."""
-    rows, usual = [], []
+    rows, targets = [], []
     for row, (name, _) in zip(np.eye(space.size), space.entries, strict=True):
         number = space.fit_parameters[name]
         if number.prior_mean is not None:
             weight = np.sqrt(PRIOR_COST) / number.prior_std
             rows.append(weight * row)
-            usual.append(weight * space.to_coordinate(name, number.prior_mean))
-    return np.array(rows).reshape(-1, space.size), np.array(usual)
+            targets.append(weight * space.to_coordinate(name, number.prior_mean))
+    return np.array(rows).reshape(-1, space.size), np.array(targets)

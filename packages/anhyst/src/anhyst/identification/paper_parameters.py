@@ -74,9 +74,9 @@ class Variables:
 
     def only(self, names: Sequence[str]) -> Variables:
         """Keep these names, in the order they have here."""
-        kept = [index for index, name in enumerate(self.names) if name in names]
-        some = tuple(self.names[index] for index in kept)
-        return Variables(some, self.low[kept], self.high[kept], self.spans)
+        indices = [index for index, name in enumerate(self.names) if name in names]
+        kept_names = tuple(self.names[index] for index in indices)
+        return Variables(kept_names, self.low[indices], self.high[indices], self.spans)
 
     def to_coordinates(self, values: Mapping[str, float]) -> FloatArray:
         """Return the coordinates of parameters, shape (n,), clipped to the bounds."""
@@ -108,13 +108,13 @@ def make_variables(
 ) -> tuple[Variables, Values]:
     """Choose what a search may vary, between which bounds, and what is known beforehand."""
     spans = {"c": 1.0, "in_0": records.input_span, "out_0": records.output_span}
-    known = dict.fromkeys(fixed & set(OFFSET_NAMES), 0.0)
+    fixed_values = dict.fromkeys(fixed & set(OFFSET_NAMES), 0.0)
     shape, pinning, saturation = _SHAPE_RANGE, _PINNING_RANGE, _SATURATION_RANGE
     if drive.name == "field":
-        known["c_H"] = 1.0
+        fixed_values["c_H"] = 1.0
         shape = pinning = (1e-3 * records.input_span, 3.0 * records.input_span)
     if output_map(answer).is_flux_density:
-        known["c_out"] = 1.0
+        fixed_values["c_out"] = 1.0
         saturation = (0.8 * records.output_span / MU_0, 30.0 * records.output_span / MU_0)
     power = output_map(answer).power
     bounds = {
@@ -134,10 +134,10 @@ def make_variables(
             _MAX_OFFSET_SHARE * records.output_span,
         ),
     }
-    names = tuple(name for name in (*SEVEN_NAMES, *OFFSET_NAMES) if name not in known)
-    ends = [[_to_coordinate(name, end, spans) for end in bounds[name]] for name in names]
-    low, high = np.array(ends).T
-    return Variables(names, low, high, spans), known
+    names = tuple(name for name in (*SEVEN_NAMES, *OFFSET_NAMES) if name not in fixed_values)
+    bound_pairs = [[_to_coordinate(name, end, spans) for end in bounds[name]] for name in names]
+    low, high = np.array(bound_pairs).T
+    return Variables(names, low, high, spans), fixed_values
 
 
 def to_gauge_free(values: Mapping[str, FloatArray], power: int) -> dict[str, FloatArray]:
@@ -190,22 +190,22 @@ def move_to_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: in
     leaving the gauge-free form as it was. Where field (``c_H = 1``) or flux density (``c_out = 1``)
     is measured there is nothing to choose for ``a`` or ``M_s``.
     """
-    chosen = names_set_by_gauge(searched)
+    names = names_set_by_gauge(searched)
     saturation = mean_over_gaps("M_s", [values["M_s"] for values in sets])
     moved = []
     for values in sets:
         arrays = {name: np.asarray(value) for name, value in values.items()}
         form = {name: float(value) for name, value in to_gauge_free(arrays, power).items()}
-        a = COMMON_AIR_CORE_SLOPE * saturation if "a" in chosen else values["a"]
+        a = COMMON_AIR_CORE_SLOPE * saturation if "a" in names else values["a"]
         effective = values["M_s"] * (1.0 - values["alpha"])
-        m_s = saturation if "M_s" in chosen else effective - form["omega"] * a
+        m_s = saturation if "M_s" in names else effective - form["omega"] * a
         alpha = -form["omega"] * a / m_s
-        gauge = {"M_s": m_s, "a": a, "alpha": alpha, "k": form["kappa"] * a}
+        moved_values = {"M_s": m_s, "a": a, "alpha": alpha, "k": form["kappa"] * a}
         if "c_H" in searched:
-            gauge["c_H"] = a / form["scale"]
+            moved_values["c_H"] = a / form["scale"]
         if "c_out" in searched:
-            gauge["c_out"] = form["gain"] / (MU_0 * m_s * (1.0 - alpha)) ** power
-        moved.append(values | gauge)
+            moved_values["c_out"] = form["gain"] / (MU_0 * m_s * (1.0 - alpha)) ** power
+        moved.append(values | moved_values)
     return moved
 
 
@@ -249,19 +249,21 @@ class Criterion:
         takes the effective-field law for that of 1986: good enough to see which parents to keep.
         """
         form = to_gauge_free(values, self._form.power)
-        sane = (form["omega"] > 0.01 - JUMP_INTERACTION) & (_KAPPA_RANGE[0] < form["kappa"])
-        sane &= form["kappa"] < _KAPPA_RANGE[1]
-        costs = np.full(sane.size, np.inf)
-        self.evaluations += sane.size
-        kept = {name: array[sane] for name, array in form.items()}
-        in_0, out_0 = values["in_0"][sane], values["out_0"][sane]
-        sets = np.stack([kept["kappa"], kept["c"], kept["omega"], kept["scale"]])
+        is_supported = (form["omega"] > 0.01 - JUMP_INTERACTION) & (_KAPPA_RANGE[0] < form["kappa"])
+        is_supported &= form["kappa"] < _KAPPA_RANGE[1]
+        costs = np.full(is_supported.size, np.inf)
+        self.evaluations += is_supported.size
+        supported = {name: array[is_supported] for name, array in form.items()}
+        in_0, out_0 = values["in_0"][is_supported], values["out_0"][is_supported]
+        sets = np.stack(
+            [supported["kappa"], supported["c"], supported["omega"], supported["scale"]]
+        )
         criteria = np.zeros(in_0.size)
         for share, record in zip(self._shares, self._loops, strict=True):
             m, xi = follow_sets(record, np.arange(record.input.size), sets, in_0)
-            output = kept["gain"] * (m + kept["h"] * xi) ** self._form.power + out_0
+            output = supported["gain"] * (m + supported["h"] * xi) ** self._form.power + out_0
             criteria += share * np.abs(output - record.output[:, None]).sum(axis=0)
-        costs[sane] = criteria
+        costs[is_supported] = criteria
         return costs
 
 
@@ -282,13 +284,13 @@ def run_simplex(
     # Only here: importing it takes longer than the default search, which does without.
     from scipy.optimize import minimize
 
-    best, lowest, step = start, cost(start), 0.05
+    best, best_cost, step = start, cost(start), 0.05
     span = variables.high - variables.low
     while max_evaluations > variables.size + 1:
         corners = np.tile(best, (variables.size + 1, 1))
         axes = np.arange(variables.size)
-        inward = np.where(best + step * span > variables.high, -step, step)
-        corners[axes + 1, axes] += inward * span
+        steps = np.where(best + step * span > variables.high, -step, step)
+        corners[axes + 1, axes] += steps * span
         minimum = minimize(
             cost,
             best,
@@ -305,9 +307,9 @@ def run_simplex(
         )
         max_evaluations -= minimum.nfev
         step *= 0.25
-        gained = lowest - minimum.fun
-        if gained > 0.0:
-            best, lowest = np.asarray(minimum.x), float(minimum.fun)
-        if gained < 1e-3 * lowest:
+        gain = best_cost - minimum.fun
+        if gain > 0.0:
+            best, best_cost = np.asarray(minimum.x), float(minimum.fun)
+        if gain < 1e-3 * best_cost:
             break
-    return best, lowest
+    return best, best_cost

@@ -177,11 +177,11 @@ class PaperSearch:
             name for name in self.variables.names if name not in OFFSET_NAMES
         )
         self._records = [self.run.records.at_gap(gap) for gap in range(self.gap_count)]
-        counts = [
+        weight_sums = [
             sum(record.weight**2 * record.input.size for record in records.loops)
             for records in self._records
         ]
-        self._shares = [count / sum(counts) for count in counts]
+        self._shares = [count / sum(weight_sums) for count in weight_sums]
 
     @property
     def gap_count(self) -> int:
@@ -230,13 +230,13 @@ class PaperSearch:
         criterion = self._criterion(gap, _EVOLUTION_SAMPLES)
         seed = [self.run.seed, gap, variables.size]
         strategy = EvolutionStrategy(variables.low, variables.high, seed, _PARENTS, _CHILDREN)
-        held = {
+        fixed = {
             name: np.full(_CHILDREN, value)
             for name, value in values.items()
             if name not in variables.names
         }
         for _ in range(self.effort.generations):
-            strategy.tell(criterion.costs_of_sets(held | variables.to_parameters(strategy.ask())))
+            strategy.tell(criterion.costs_of_sets(fixed | variables.to_parameters(strategy.ask())))
         return values | _to_floats(variables.to_parameters(strategy.best)), criterion.evaluations
 
     def search_gap(self, gap: int, values: Values, names: Sequence[str]) -> tuple[Values, int]:
@@ -244,22 +244,22 @@ class PaperSearch:
 
         A beginning without a value of every name is none.
         """
-        evolved, spent = self.evolve(gap, values, names)
-        beginnings = [values, evolved] if set(names) <= values.keys() else [evolved]
+        evolved_values, evaluations = self.evolve(gap, values, names)
+        starts = [values, evolved_values] if set(names) <= values.keys() else [evolved_values]
         criterion = self._criterion(gap, _SIMPLEX_SAMPLES)
-        best = min(beginnings, key=criterion.cost_of_set)
-        refined, more = self.refine(gap, best, names, self.effort.final)
-        return refined, spent + more
+        best = min(starts, key=criterion.cost_of_set)
+        refined, simplex_evaluations = self.refine(gap, best, names, self.effort.final)
+        return refined, evaluations + simplex_evaluations
 
     def search_gaps(
         self, stage: str, sets: Sequence[Values], names: Sequence[str]
     ) -> tuple[list[Values], int]:
         """Search every gap in full, each in a stage; return the sets and the evaluations."""
-        ends = [
+        results = [
             self.run.stage(stage.format(gap), partial(self.search_gap, gap, values, names))
             for gap, values in enumerate(sets)
         ]
-        return [values for values, _ in ends], sum(spent for _, spent in ends)
+        return [values for values, _ in results], sum(evaluations for _, evaluations in results)
 
 
 def _to_floats(arrays: Mapping[str, FloatArray]) -> Values:
@@ -269,35 +269,37 @@ def _to_floats(arrays: Mapping[str, FloatArray]) -> Values:
 def search_each_gap(bench: PaperSearch) -> SearchState:
     """Find the paper's free model: an optimal set for every gap, offsets common to all."""
     names = bench.variables.names
-    sets, spent = bench.search_gaps(
+    sets, evaluations = bench.search_gaps(
         "gap {} from scratch", [bench.fixed_values] * bench.gap_count, names
     )
     offsets = [name for name in names if name in OFFSET_NAMES]
     if offsets and bench.gap_count > 1:
         means = {name: mean_over_gaps(name, [values[name] for values in sets]) for name in offsets}
         common = [values | means for values in sets]
-        sets, more = bench.search_gaps("gap {} with common offsets", common, bench.searched_names)
-        spent += more
-    return bench.make_state(sets, bench.searched_names, spent)
+        sets, second_evaluations = bench.search_gaps(
+            "gap {} with common offsets", common, bench.searched_names
+        )
+        evaluations += second_evaluations
+    return bench.make_state(sets, bench.searched_names, evaluations)
 
 
-def model_at_nodes(stand: SearchState, run: SearchRun, loopset: Loops) -> Model:
+def model_at_nodes(state: SearchState, run: SearchRun, loopset: Loops) -> Model:
     """Bare model with a number at each gap for what varies.
 
     The gap map is ``scaling`` where that allows what varies, else ``free``.
     """
-    single = run.records.gap_count == 1
-    parameters: dict[str, Parameter] = dict(stand.sets[0])
-    for name in () if single else stand.varying:
-        parameters[name] = tuple(values[name] for values in stand.sets)
-    scaling = set(stand.varying) <= MAY_VARY["scaling"]
+    is_single_gap = run.records.gap_count == 1
+    parameters: dict[str, Parameter] = dict(state.sets[0])
+    for name in () if is_single_gap else state.varying:
+        parameters[name] = tuple(values[name] for values in state.sets)
+    is_scaling = set(state.varying) <= MAY_VARY["scaling"]
     return Model(
         name="model",
         input=loopset.input,
         output=loopset.output,
         parameters=parameters,
         law=run.form.law,
-        gap_map="none" if single else "scaling" if scaling else "free",
+        gap_map="none" if is_single_gap else "scaling" if is_scaling else "free",
         schedule=loopset.schedule,
         nodes=tuple(float(node) for node in run.records.nodes),
     )

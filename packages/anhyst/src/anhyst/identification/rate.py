@@ -64,13 +64,13 @@ class RateFit:
             f"gamma, how late the middle of the iron is, is known to {100.0 * self.log_gamma_std:.2g} %; it was "
             f"measured up to {dynamics.fastest:.3g} Hz, beyond nothing is known"
         )
-        whole = np.eye(len(known.correlation) + 1)
-        whole[:-1, :-1] = known.correlation or np.empty((0, 0))
+        correlation = np.eye(len(known.correlation) + 1)
+        correlation[:-1, :-1] = known.correlation or np.empty((0, 0))
         return Uncertainty(
             names=(*known.names, GAMMA_NAME),
             values=(*known.values, gamma),
             std=(*known.std, gamma * self.log_gamma_std),
-            correlation=tuple(map(tuple, whole.tolist())) if known.correlation else (),
+            correlation=tuple(map(tuple, correlation.tolist())) if known.correlation else (),
             statements=(*known.statements, statement),
         )
 
@@ -101,17 +101,17 @@ class _LoopPath:
 
     def __init__(self, model: Model, loop: Loop, iron: AnyIron, largest: float) -> None:
         assert loop.time is not None
-        every = 1 + (loop.n - 1) // MAX_SAMPLES_PER_LOOP
+        step = 1 + (loop.n - 1) // MAX_SAMPLES_PER_LOOP
         ends = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
-        kept = np.unique(np.concatenate([np.arange(0, loop.n, every), ends]))
-        steps = np.diff(loop.time[kept])
+        samples = np.unique(np.concatenate([np.arange(0, loop.n, step), ends]))
+        steps = np.diff(loop.time[samples])
         self.is_cycle, self.gap = loop.history.kind == "settled", loop.schedule_value
         first = 1.0 / float(np.median(steps)) if self.is_cycle else 0.0
         self.rate = np.concatenate([[first], 1.0 / steps])
-        gap = None if loop.schedule is None else loop.schedule[kept]
-        self.circuit = model.circuit(gap, np.zeros(kept.size))
-        self.drive = self.circuit.magnetomotive(loop.input[kept])
-        self.measured = loop.output[kept]
+        gap = None if loop.schedule is None else loop.schedule[samples]
+        self.circuit = model.circuit(gap, np.zeros(samples.size))
+        self.drive = self.circuit.magnetomotive(loop.input[samples])
+        self.measured = loop.output[samples]
         self.largest = largest
         self.iron = iron
         start = None if loop.schedule is None else float(loop.schedule[0])
@@ -122,14 +122,14 @@ class _LoopPath:
         self.iron.make_solid(rate.count, *rate.shares)
         eddy = rate.gamma * self.rate
         state = np.tile(self.state, rate.count + 1 if rate.count > 1 else 1)
-        around = self.drive, self.circuit.rho, eddy
+        circuit_inputs = self.drive, self.circuit.rho, eddy
         if self.is_cycle:
-            state = self.iron.settle(*around, state, False, MAX_CYCLES, CYCLE_TOLERANCE)[0]
-        flux, _, _, status, _ = self.iron.forward(*around, state)
+            state = self.iron.settle(*circuit_inputs, state, False, MAX_CYCLES, CYCLE_TOLERANCE)[0]
+        flux, _, _, status, _ = self.iron.forward(*circuit_inputs, state)
         if status:
             return np.full(self.measured.size, _NO_ANSWER_DEVIATION)
-        missed: FloatArray = (self.circuit.output(flux) - self.measured) / self.largest
-        return missed
+        residual: FloatArray = (self.circuit.output(flux) - self.measured) / self.largest
+        return residual
 
 
 class _RateProblem:
@@ -143,16 +143,18 @@ class _RateProblem:
             gap = loop.schedule_value if model.needs_fixed_gap else None
             if gap not in irons:
                 at = model.parameters_at(gap if gap is not None else model.first_node)
-                made = law.iron(*(at[spec.name] for spec in law.parameters))
-                assert isinstance(made, AnyIron)
-                irons[gap] = made
+                iron = law.iron(*(at[spec.name] for spec in law.parameters))
+                assert isinstance(iron, AnyIron)
+                irons[gap] = iron
             return _LoopPath(model, loop, irons[gap], largest)
 
         self.groups = [[path(loop) for loop in loops] for loops in speeds.fast]
         self.slow = [path(loop) for loop in speeds.slow.loops]
-        last = self.groups[-1]
-        density = max(float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in last)
-        drive = max(float(np.ptp(path.drive)) for path in last)
+        fastest_paths = self.groups[-1]
+        density = max(
+            float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in fastest_paths
+        )
+        drive = max(float(np.ptp(path.drive)) for path in fastest_paths)
         self.gamma_scale = drive / (2.0 * np.pi * speeds.fastest_rate * density)
 
     def make_folds(self) -> list[tuple[list[list[_LoopPath]], list[list[_LoopPath]]]]:
@@ -160,9 +162,9 @@ class _RateProblem:
         if len(self.groups) > 1:
             parts = [[group] for group in self.groups]
         else:
-            only = self.groups[0]
-            gaps = sorted({path.gap for path in only if path.gap is not None})
-            parts = [[[path for path in only if path.gap == gap]] for gap in gaps]
+            paths = self.groups[0]
+            gaps = sorted({path.gap for path in paths if path.gap is not None})
+            parts = [[[path for path in paths if path.gap == gap]] for gap in gaps]
         if len(parts) < 2:
             return [(self.groups, self.groups)]
         return [
@@ -181,11 +183,11 @@ class _RateProblem:
 
         if start is None:
             shares = () if count == 1 else (_logit(1.0 / count), _logit(START_LAMINATED_SHARE))
-            tried = [
+            starts = [
                 _RateParameters(count, (float(np.log(g * self.gamma_scale)), *shares))
                 for g in GAMMA_START_RATIOS
             ]
-            start = min(tried, key=lambda rate: mean_error(groups, rate))
+            start = min(starts, key=lambda rate: mean_error(groups, rate))
 
         def residuals(theta: FloatArray) -> FloatArray:
             rate = _RateParameters(count, tuple(theta.tolist()))
@@ -197,16 +199,16 @@ class _RateProblem:
             return np.concatenate(rows)
 
         bound = np.array([50.0, 6.0, 6.0][: len(start.theta)])
-        begin = np.array(start.theta)
-        begin[1:] = np.clip(begin[1:], -5.9, 5.9)
-        end = least_squares(
-            residuals, begin, bounds=(-bound, bound), diff_step=1e-3, xtol=1e-4, ftol=1e-5,
+        theta_start = np.array(start.theta)
+        theta_start[1:] = np.clip(theta_start[1:], -5.9, 5.9)
+        result = least_squares(
+            residuals, theta_start, bounds=(-bound, bound), diff_step=1e-3, xtol=1e-4, ftol=1e-5,
             max_nfev=15,
         )  # fmt: skip
-        spare = max(1, end.fun.size - end.x.size)
-        inverse = np.linalg.pinv(end.jac.T @ end.jac)
-        std = float(np.sqrt(2.0 * end.cost / spare * inverse[0, 0]))
-        return _RateParameters(count, tuple(end.x.tolist())), std
+        degrees_of_freedom = max(1, result.fun.size - result.x.size)
+        inverse = np.linalg.pinv(result.jac.T @ result.jac)
+        std = float(np.sqrt(2.0 * result.cost / degrees_of_freedom * inverse[0, 0]))
+        return _RateParameters(count, tuple(result.x.tolist())), std
 
 
 def _logit(share: float) -> float:
@@ -230,45 +232,50 @@ def fit_rate(
     static, model = model, _with_series_reluctance(model)
     problem = _RateProblem(model, speeds, largest_output(loops))
     folds = problem.make_folds()
-    at_rest = _RateParameters(1, (-np.inf,))
-    still = _geometric_mean(mean_error(out, at_rest) for _, out in folds)
+    static_rate = _RateParameters(1, (-np.inf,))
+    static_error = _geometric_mean(
+        mean_error(withheld_paths, static_rate) for _, withheld_paths in folds
+    )
     chosen: tuple[_RateParameters, float] | None = None
-    fitted = unseen = np.inf
+    best_error = withheld_error = np.inf
     for count in LAYER_COUNTS[LAYER_COUNTS.index(min_layers) :]:
         rate, std = problem.fit(problem.groups, count)
-        missed = mean_error(problem.groups, rate)
+        error = mean_error(problem.groups, rate)
         if chosen is None:
-            unseen = _geometric_mean(
+            withheld_error = _geometric_mean(
                 mean_error(
-                    out, problem.fit(rest, count, rate)[0] if rest is not problem.groups else rate
+                    withheld_paths,
+                    problem.fit(fitted_paths, count, rate)[0]
+                    if fitted_paths is not problem.groups
+                    else rate,
                 )
-                for rest, out in folds
+                for fitted_paths, withheld_paths in folds
             )
-            pays = unseen < MAX_ERROR_RATIO * still
+            is_better = withheld_error < MAX_ERROR_RATIO * static_error
         else:
-            pays = missed < MAX_ERROR_RATIO * fitted
-        if pays:
-            fitted, chosen = missed, (rate, std)
+            is_better = error < MAX_ERROR_RATIO * best_error
+        if is_better:
+            best_error, chosen = error, (rate, std)
         elif chosen is not None and count > 2:
             break  # further layers are finer still
-    of_static = f"{100.0 * still:.2g} % of the largest output"
+    static_text = f"{100.0 * static_error:.2g} % of the largest output"
     if chosen is None:
         return RateFit(
-            static, f"fast loops gain nothing from layers: the static model misses {of_static}"
+            static, f"fast loops gain nothing from layers: the static model misses {static_text}"
         )
     rate, std = chosen
-    made = replace(
+    rate_model = replace(
         model,
         parameters={**model.parameters, "gamma": rate.gamma},
         layers=Layers(rate.count, *rate.shares) if rate.count > 1 else None,
         dynamics=replace(model.dynamics or Dynamics(), fastest=speeds.fastest_rate),
     )
-    what = "a lag of the flux misses" if rate.count == 1 else f"{rate.count} layers miss"
-    why = (
-        f"{what} {100.0 * fitted:.2g} % of the fast loops; of what is left out of a fit rate leaves "
-        f"{100.0 * unseen:.2g} %, the static model {of_static}"
+    layers_text = "a lag of the flux misses" if rate.count == 1 else f"{rate.count} layers miss"
+    reason = (
+        f"{layers_text} {100.0 * best_error:.2g} % of the fast loops; of what is left out of a fit rate leaves "
+        f"{100.0 * withheld_error:.2g} %, the static model {static_text}"
     )
-    return RateFit(made, why, std, mean_error([*problem.groups, problem.slow], rate))
+    return RateFit(rate_model, reason, std, mean_error([*problem.groups, problem.slow], rate))
 
 
 def _geometric_mean(values: Iterable[float]) -> float:
@@ -288,27 +295,27 @@ def _with_series_reluctance(model: Model) -> Model:
         return model
     if alpha > 0.0 and not model.jumps_without_gap:
         return model
-    held = (1.0 - alpha) * (1.0 + np.array(model.parameters["rho"]))
-    kept = max(0.0, 1.0 - float(held.min()))
-    by = (1.0 - alpha) / (1.0 - kept)
+    total = (1.0 - alpha) * (1.0 + np.array(model.parameters["rho"]))
+    new_alpha = max(0.0, 1.0 - float(total.min()))
+    factor = (1.0 - alpha) / (1.0 - new_alpha)
     parts = (*law.with_role("saturation"), *law.with_role("reversible"))
     scaled = (*(part.name for part in parts), "c_H")
-    parameters = {name: (by * np.array(model.parameters[name])).tolist() for name in scaled}
-    around = {"alpha": kept, "rho": np.maximum(held / (1.0 - kept) - 1.0, 0.0).tolist()}
-    return replace(model, parameters={**model.parameters, **parameters, **around})
+    parameters = {name: (factor * np.array(model.parameters[name])).tolist() for name in scaled}
+    circuit = {"alpha": new_alpha, "rho": np.maximum(total / (1.0 - new_alpha) - 1.0, 0.0).tolist()}
+    return replace(model, parameters={**model.parameters, **parameters, **circuit})
 
 
 def remove_rate_effect(model: Model, static: Model, slow: Loops) -> Loops | None:
     """Take what rate does to slow loops off them; None where that is too little to matter."""
-    left, done, mended = [], [], []
+    static_squares, rate_squares, corrected = [], [], []
     for loop in slow.loops:
-        still = static.predict_loop(loop)
-        late = model.predict_loop(loop) - still
-        left.append(np.mean((loop.output - still) ** 2))
-        done.append(np.mean(late**2))
-        mended.append(replace(loop, output=loop.output - late))
+        static_output = static.predict_loop(loop)
+        rate_effect = model.predict_loop(loop) - static_output
+        static_squares.append(np.mean((loop.output - static_output) ** 2))
+        rate_squares.append(np.mean(rate_effect**2))
+        corrected.append(replace(loop, output=loop.output - rate_effect))
     return (
         None
-        if np.mean(done) <= MIN_RATE_EFFECT_RATIO**2 * np.mean(left)
-        else slow.with_loops(mended)
+        if np.mean(rate_squares) <= MIN_RATE_EFFECT_RATIO**2 * np.mean(static_squares)
+        else slow.with_loops(corrected)
     )

@@ -159,23 +159,25 @@ class Responder:
         omega = np.full(r.size, local.omega)
         state = demagnetised()
         if record.history.drive.size and not record.is_cycle:
-            before, lead = history_inputs(sets or (local,), record.history)
-            _, _, state, status, _ = operator.run(before, lead, state)
+            omega_before, r_before = history_inputs(sets or (local,), record.history)
+            _, _, state, status, _ = operator.run(omega_before, r_before, state)
             require_answer(status)
         elif record.is_cycle and id(record) in self._starts:
             state = _make_admissible(self._starts[id(record)], form, local, float(r[-1]))
         x, m, after, status, _ = operator.run(omega, r, state)
         require_answer(status)
-        ends = [float(state[1])]
+        cycle_ends = [float(state[1])]
         while (
             record.is_cycle
             and abs(after[1] - state[1]) > _CLOSED_TOLERANCE
-            and len(ends) < _MAX_PASSES
+            and len(cycle_ends) < _MAX_PASSES
         ):
-            ends.append(float(after[1]))
+            cycle_ends.append(float(after[1]))
             state = after
-            if len(ends) % _PASSES_PER_EXTRAPOLATION == 0:
-                state = _make_admissible(_extrapolate_cycle(after, ends), form, local, float(r[-1]))
+            if len(cycle_ends) % _PASSES_PER_EXTRAPOLATION == 0:
+                state = _make_admissible(
+                    _extrapolate_cycle(after, cycle_ends), form, local, float(r[-1])
+                )
             x, m, after, status, _ = operator.run(omega, r, state)
             require_answer(status)
         if record.is_cycle:
@@ -213,17 +215,17 @@ class Responder:
                 terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, seeds
             )
             require_answer(status)
-            kept = min(float(seeds_after[_START_DERIVATIVE, 1]), 0.999)
-            missing = (after[1] - state[1]) / (1.0 - kept)
-            if abs(missing) < _NEARLY_CLOSED_TOLERANCE:
+            remaining = min(float(seeds_after[_START_DERIVATIVE, 1]), 0.999)
+            mismatch = (after[1] - state[1]) / (1.0 - remaining)
+            if abs(mismatch) < _NEARLY_CLOSED_TOLERANCE:
                 break
-            start = after + kept * missing * seeds[_START_DERIVATIVE]
+            start = after + remaining * mismatch * seeds[_START_DERIVATIVE]
             state = _make_admissible(start, form, local, float(terms.r[-1]))
         # The rest of the way is so short that the derivatives carry it: no further pass.
-        x += missing * x_t[:, _START_DERIVATIVE]
-        m += missing * m_t[:, _START_DERIVATIVE]
-        self._starts[id(record)] = after + kept * missing * seeds[_START_DERIVATIVE]
-        start_t = seeds_after[:_DERIVATIVE_COUNT, 1] / (1.0 - kept)
+        x += mismatch * x_t[:, _START_DERIVATIVE]
+        m += mismatch * m_t[:, _START_DERIVATIVE]
+        self._starts[id(record)] = after + remaining * mismatch * seeds[_START_DERIVATIVE]
+        start_t = seeds_after[:_DERIVATIVE_COUNT, 1] / (1.0 - remaining)
         m_t[:, :_DERIVATIVE_COUNT] += m_t[:, _START_DERIVATIVE, None] * start_t
         x_t[:, :_DERIVATIVE_COUNT] += x_t[:, _START_DERIVATIVE, None] * start_t
         return CellPath(x, m, x_t, m_t)
@@ -235,31 +237,31 @@ def output_derivatives(
     """Output at each sample, and its derivatives by the numbers at its gap."""
     x, m, x_t, m_t = path
     law = len(sets[0].law)
-    around = np.array([(local.h, local.scale, local.gain, local.out_0) for local in sets])
-    h, scale, gain, out_0 = around[gaps].T
+    scalars = np.array([(local.h, local.scale, local.gain, local.out_0) for local in sets])
+    h, scale, gain, out_0 = scalars[gaps].T
     b = m + h * x
-    steep = gain * form.power * b ** (form.power - 1)
-    through = steep[:, None] * (m_t + h[:, None] * x_t)
+    slope = gain * form.power * b ** (form.power - 1)
+    input_derivatives = slope[:, None] * (m_t + h[:, None] * x_t)
     jacobian = np.empty((b.size, law + 5))
-    jacobian[:, : law + 2] = through[:, : law + 2]
+    jacobian[:, : law + 2] = input_derivatives[:, : law + 2]
     jacobian[:, law + 2] = b**form.power
-    jacobian[:, law + 3] = through[:, law + 2]
+    jacobian[:, law + 3] = input_derivatives[:, law + 2]
     jacobian[:, law + 4] = 1.0
     if form.permeability > 0.0:
-        jacobian[:, law + 1] += steep * x * h / scale
-        jacobian[:, law + 2] -= steep * x * h / gain
+        jacobian[:, law + 1] += slope * x * h / scale
+        jacobian[:, law + 2] -= slope * x * h / gain
     return gain * b**form.power + out_0, jacobian
 
 
 def _make_operators(form: ResponseForm, sets: Sequence[ParameterSet]) -> list[Operator]:
     """Laws at each gap; those that are the same are built once."""
-    built: dict[tuple[float, ...], Operator] = {}
+    operators_by_key: dict[tuple[float, ...], Operator] = {}
     operators = []
     for local in sets:
         key = (*local.law, local.omega) if form.kernel.is_coupled else local.law
-        if key not in built:
-            built[key] = form.make_operator(local)
-        operators.append(built[key])
+        if key not in operators_by_key:
+            operators_by_key[key] = form.make_operator(local)
+        operators.append(operators_by_key[key])
     return operators
 
 
@@ -303,18 +305,18 @@ class _SolverInputs:
 def _follow_record(
     form: ResponseForm, sets: Sequence[ParameterSet], operator: Operator, record: FitRecord
 ) -> CellPath:
-    first = record.history.drive.size
-    whole = np.concatenate([record.history.drive, record.input])
-    terms = _SolverInputs(form, sets[record.gap], whole, _DERIVATIVE_COUNT)
-    terms.omega[:first], terms.r[:first] = history_inputs(sets, record.history)
+    skipped = record.history.drive.size
+    drive = np.concatenate([record.history.drive, record.input])
+    terms = _SolverInputs(form, sets[record.gap], drive, _DERIVATIVE_COUNT)
+    terms.omega[:skipped], terms.r[:skipped] = history_inputs(sets, record.history)
     # What the circuit at other gaps adds through the past alone is left out of the derivatives.
-    elsewhere = np.flatnonzero(record.history.gap_position != record.gap)
-    terms.omega_t[elsewhere] = terms.r_t[elsewhere] = 0.0
-    around = terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t
+    at_other_gaps = np.flatnonzero(record.history.gap_position != record.gap)
+    terms.omega_t[at_other_gaps] = terms.r_t[at_other_gaps] = 0.0
+    inputs = terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t
     seeds = np.zeros((_DERIVATIVE_COUNT, 3))
-    *path, _, _, status, _ = operator.sensitivity(*around, demagnetised(), seeds)
+    *path, _, _, status, _ = operator.sensitivity(*inputs, demagnetised(), seeds)
     require_answer(status)
-    return CellPath(*(values[first:] for values in path))
+    return CellPath(*(values[skipped:] for values in path))
 
 
 def _start_derivatives(
@@ -326,10 +328,10 @@ def _start_derivatives(
     """
     x, y, p = state.tolist()
     kappa, c = local.law
-    pull, slope = _langevin(x)
+    anhysteretic, slope = _langevin(x)
     steepness = 1.0 + local.omega * c * slope
-    x_t = terms.r_t[-1] - terms.omega_t[-1] * ((1.0 - c) * y + c * pull)
-    x_t = x_t - local.omega * (pull - y) * terms.law_t[:, 1]
+    x_t = terms.r_t[-1] - terms.omega_t[-1] * ((1.0 - c) * y + c * anhysteretic)
+    x_t = x_t - local.omega * (anhysteretic - y) * terms.law_t[:, 1]
     x_t[_START_DERIVATIVE] = -local.omega * (1.0 - c)
     seeds = np.zeros((_DERIVATIVE_COUNT + 1, 3))
     seeds[:, 0] = seeds[:, 2] = x_t / steepness
@@ -354,22 +356,28 @@ def _make_admissible(
     x, y, p = state.tolist()
     kappa, c = local.law
     omega, play = local.omega, form.dead_band * kappa
-    behind = min(max(p - x, -play), play)
+    play_offset = min(max(p - x, -play), play)
     for _ in range(4):
-        pull, slope = _langevin(x)
-        rest = x + omega * ((1.0 - c) * y + c * pull) - r
-        x -= rest / (1.0 + omega * c * slope)
+        anhysteretic, slope = _langevin(x)
+        mismatch = x + omega * ((1.0 - c) * y + c * anhysteretic) - r
+        x -= mismatch / (1.0 + omega * c * slope)
     x = min(max(x, -_MAX_FIELD), _MAX_FIELD)  # y from other parameters can send it anywhere
-    p = x + behind
-    pull, _ = _langevin(p)
-    room = kappa / 3.0
-    y = min(max(y, pull - room, -_MAX_MAGNETISATION), pull + room, _MAX_MAGNETISATION)
+    p = x + play_offset
+    anhysteretic, _ = _langevin(p)
+    max_distance = kappa / 3.0
+    y = min(
+        max(y, anhysteretic - max_distance, -_MAX_MAGNETISATION),
+        anhysteretic + max_distance,
+        _MAX_MAGNETISATION,
+    )
     return np.array([x, y, p])
 
 
 def _extrapolate_cycle(state: FloatArray, ends: list[float]) -> FloatArray:
     """Where the last three ends of passes lead: small loops creep for hundreds of passes."""
-    first, second = ends[-2] - ends[-3], ends[-1] - ends[-2]
-    if abs(second) >= abs(first):
+    first_step, second_step = ends[-2] - ends[-3], ends[-1] - ends[-2]
+    if abs(second_step) >= abs(first_step):
         return state
-    return np.array([state[0], ends[-1] - second * second / (second - first), state[2]])
+    return np.array(
+        [state[0], ends[-1] - second_step * second_step / (second_step - first_step), state[2]]
+    )

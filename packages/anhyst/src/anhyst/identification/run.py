@@ -94,18 +94,18 @@ class SearchRun:
 
     def timed(self, kind: str, work: Callable[[], Stage]) -> Stage:
         """Do a part of a stage of some kind."""
-        began = time.process_time()
-        made = work()
-        self.cpu_times[kind] = self.cpu_times.get(kind, 0.0) + time.process_time() - began
-        return made
+        start = time.process_time()
+        result = work()
+        self.cpu_times[kind] = self.cpu_times.get(kind, 0.0) + time.process_time() - start
+        return result
 
     def step(self, kind: str, work: Callable[[], Stage]) -> Stage:
         """Do one stage of which nothing is kept, and report the progress."""
-        made = self.timed(kind, work)
+        result = self.timed(kind, work)
         self._done_stages += 1
         if self.progress is not None:
             self.progress(self._done_stages, max(self.total_stages, self._done_stages))
-        return made
+        return result
 
     def finish(self) -> None:
         """Remove the checkpoint: the run has ended well."""
@@ -222,8 +222,8 @@ class IdentifyTable(Table):
 
     def search_options(self, gap_map: str = "auto") -> dict[str, Any]:
         """Return what :func:`anhyst.identification.identify` is to be asked for."""
-        asked = {name: getattr(self, name) for name in SEARCH_OPTIONS}
-        return asked | {"gap_map": self.gap_map or gap_map}
+        options = {name: getattr(self, name) for name in SEARCH_OPTIONS}
+        return options | {"gap_map": self.gap_map or gap_map}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -78,8 +78,8 @@ def sample_unit_cube(dimensions: int, count: int, seed: int) -> FloatArray:
     for _ in range(60):
         root = (1.0 + root) ** (1.0 / (dimensions + 1))
     steps = root ** -np.arange(1.0, dimensions + 1.0)
-    begin = np.random.default_rng(seed).random(dimensions)
-    return np.asarray((begin[:, None] + steps[:, None] * np.arange(count)) % 1.0)
+    start = np.random.default_rng(seed).random(dimensions)
+    return np.asarray((start[:, None] + steps[:, None] * np.arange(count)) % 1.0)
 
 
 def sample_sets(
@@ -94,12 +94,12 @@ def sample_sets(
     most densely about zero.
     """
     draw = sample_unit_cube(5 if is_biased else 4, count, seed)
-    reach = 0.3 * 100.0 ** draw[0]
-    kappa = np.clip(reach * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
+    max_field = 0.3 * 100.0 ** draw[0]
+    kappa = np.clip(max_field * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
     c = 0.95 * draw[2]
     omega = 0.1 * 3000.0 ** draw[3] - JUMP_INTERACTION if is_interacting else np.zeros(count)
-    saturated = 1.0 / np.tanh(reach) - 1.0 / reach
-    drive = np.maximum(reach + omega * saturated, 0.1 * reach)
+    saturated = 1.0 / np.tanh(max_field) - 1.0 / max_field
+    drive = np.maximum(max_field + omega * saturated, 0.1 * max_field)
     largest = max(float(np.max(np.abs(record.input))) for record in records.loops)
     in_0 = _MAX_BIAS_RATIO * largest * (2.0 * draw[4] - 1.0) ** 3 if is_biased else np.zeros(count)
     return np.stack([kappa, c, omega, largest / drive, in_0])
@@ -110,10 +110,10 @@ def screen_sets(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Deviation of many sets at one gap, with the best gain and offset for each."""
     moments, total = _moments(form, records, sets[:4], sets[4])
-    ones, first, second, mean, cross = moments
-    spread = ones * second - first**2
-    gain = (ones * cross - first * mean) / np.where(spread > 0.0, spread, np.inf)
-    out_0 = (mean - gain * first) / ones
+    ones, sum_b, sum_bb, sum_y, sum_by = moments
+    determinant = ones * sum_bb - sum_b**2
+    gain = (ones * sum_by - sum_b * sum_y) / np.where(determinant > 0.0, determinant, np.inf)
+    out_0 = (sum_y - gain * sum_b) / ones
     return np.where(gain > 0.0, _cost(moments, total, gain, out_0), np.inf), gain, out_0
 
 
@@ -124,16 +124,16 @@ def follow_sets(
     kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
     scale = 1.0 / sets[3]
     x, y = np.zeros(kappa.size), np.zeros(kappa.size)
-    driven = np.ascontiguousarray(record.input[sample_indices])
+    drive = np.ascontiguousarray(record.input[sample_indices])
     # Up to the first sample in small steps: the linear step is not exact over long ones.
     rise = np.concatenate(
-        [np.linspace(0.0, to, 16)[1:] for to in (*record.history.drive, driven[0])]
+        [np.linspace(0.0, to, 16)[1:] for to in (*record.history.drive, drive[0])]
     )
     follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_level())
     follow(drive=rise, keep=False)
     for _ in range(_WARM_UP_CYCLES if record.is_cycle else 0):
-        follow(drive=driven, keep=False)
-    m, xi = follow(drive=driven)
+        follow(drive=drive, keep=False)
+    m, xi = follow(drive=drive)
     return m, xi
 
 
@@ -162,40 +162,44 @@ def _moments(
 
 
 def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray) -> FloatArray:
-    ones, first, second, mean, cross = moments
-    square = total + gain**2 * second + out_0**2 * ones
-    return np.asarray(square + 2.0 * (gain * out_0 * first - gain * cross - out_0 * mean))
+    ones, sum_b, sum_bb, sum_y, sum_by = moments
+    square = total + gain**2 * sum_bb + out_0**2 * ones
+    return np.asarray(square + 2.0 * (gain * out_0 * sum_b - gain * sum_by - out_0 * sum_y))
 
 
 def screen_starts(
     space: CoordinateSpace, count: int, max_starts: int, seed: int
 ) -> list[ParameterSet]:
     """Best sets of a screening at the only gap of a space, far enough apart to differ."""
-    free = "omega" not in space.fixed
-    begins = _select_best_sets(space, sample_sets(space.records, count, seed, free), max_starts)
+    is_interacting = "omega" not in space.fixed
+    start_sets = _select_best_sets(
+        space, sample_sets(space.records, count, seed, is_interacting), max_starts
+    )
     # A bias would show in an output that is even in the flux, driven to both sides.
     low = min(float(loop.input.min()) for loop in space.records.loops)
     high = max(float(loop.input.max()) for loop in space.records.loops)
-    both_sides = low < -_MIN_SIDE_RATIO * high and high > -_MIN_SIDE_RATIO * low
-    if "in_0" not in space.fixed and space.form.power == 2 and both_sides:
-        begins += _select_best_sets(
-            space, sample_sets(space.records, count, seed, free, is_biased=True), max_starts
+    is_bipolar = low < -_MIN_SIDE_RATIO * high and high > -_MIN_SIDE_RATIO * low
+    if "in_0" not in space.fixed and space.form.power == 2 and is_bipolar:
+        start_sets += _select_best_sets(
+            space,
+            sample_sets(space.records, count, seed, is_interacting, is_biased=True),
+            max_starts,
         )
-    if not begins:
+    if not start_sets:
         raise NoUsableStartError
-    return begins
+    return start_sets
 
 
 def _select_best_sets(
     space: CoordinateSpace, sets: FloatArray, max_starts: int
 ) -> list[ParameterSet]:
     cost, gain, out_0 = screen_sets(space.form, space.records, sets)
-    apart = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + JUMP_INTERACTION)])
+    features = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + JUMP_INTERACTION)])
     chosen: list[int] = []
     for index in np.argsort(cost):
         if not np.isfinite(cost[index]) or len(chosen) == max_starts:
             break
-        if all(np.linalg.norm(apart[:, index] - apart[:, other]) > 0.7 for other in chosen):
+        if all(np.linalg.norm(features[:, index] - features[:, other]) > 0.7 for other in chosen):
             chosen.append(int(index))
     if "out_0" in space.fixed:
         out_0 = np.zeros(out_0.size)
@@ -212,17 +216,17 @@ def scan_gap(
     table = np.repeat(_parameter_table(start_sets), _SCAN_VALUES, axis=1)
     if space.gap_map in SERIES_MAPS:
         unscaled = table[3] * (1.0 - space.form.h * table[2])
-        reach = np.linspace(np.log(0.05), np.log(300.0), _SCAN_VALUES)
-        table[2] = np.tile(np.exp(reach) - JUMP_INTERACTION, count)
+        log_omegas = np.linspace(np.log(0.05), np.log(300.0), _SCAN_VALUES)
+        table[2] = np.tile(np.exp(log_omegas) - JUMP_INTERACTION, count)
         table[3] = unscaled / np.maximum(1.0 - space.form.h * table[2], 0.01)
     else:
         table[3] *= np.tile(5.0 ** np.linspace(-1.0, 1.0, _SCAN_VALUES), count)
     cost = _table_cost(space, gap, table).reshape(count, _SCAN_VALUES)
     best = np.argmin(cost, axis=1)
-    at = best + _SCAN_VALUES * np.arange(count)
+    best_columns = best + _SCAN_VALUES * np.arange(count)
     sets = [
         replace(local, omega=float(table[2, index]), scale=float(table[3, index]))
-        for local, index in zip(start_sets, at, strict=True)
+        for local, index in zip(start_sets, best_columns, strict=True)
     ]
     return sets, cost[np.arange(count), best]
 
@@ -239,8 +243,8 @@ def _parameter_table(sets: list[ParameterSet]) -> FloatArray:
 
 def _table_cost(space: CoordinateSpace, gap: int, table: FloatArray) -> FloatArray:
     kappa, c, omega, scale, gain, in_0, out_0 = table
-    followed = np.stack([kappa, c, np.maximum(omega, _MIN_OMEGA), scale])
-    moments, total = _moments(space.form, space.records.at_gap(gap), followed, in_0)
+    sets = np.stack([kappa, c, np.maximum(omega, _MIN_OMEGA), scale])
+    moments, total = _moments(space.form, space.records.at_gap(gap), sets, in_0)
     return _cost(moments, total, gain, out_0)
 
 
@@ -281,21 +285,21 @@ class CellStart(NamedTuple):
 
 def sample_cell_starts(kernel: CellKernel, count: int, seed: int, has_gap: bool) -> list[CellStart]:
     """Draw starts evenly over the logarithms of their ranges."""
-    own = [_REVERSIBLE_SHARE_RANGE, _REVERSIBLE_WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
-    further = [_SHARE_RANGE, _WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
+    first_ranges = [_REVERSIBLE_SHARE_RANGE, _REVERSIBLE_WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
+    other_ranges = [_SHARE_RANGE, _WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
     ranges = [
         _FIELD_RANGE,
         _IRON_DRIVE_SHARE_WITH_GAP if has_gap else _IRON_DRIVE_SHARE_WITHOUT_GAP,
-        *own,
-        *further * (kernel.population_count - 1),
+        *first_ranges,
+        *other_ranges * (kernel.population_count - 1),
     ]
     low, high = np.log(np.array(ranges)).T[:, :, None]
     drawn = low + (high - low) * sample_unit_cube(len(ranges), count, seed)
     starts = []
-    for steep_reach, part, *law in np.exp(drawn).T.tolist():
-        reach = steep_reach / CURVE_SLOPES[kernel.shape]
-        law[2::4] = [pinned * reach for pinned in law[2::4]]
-        starts.append(CellStart(tuple(law), reach, part))
+    for scaled_field, part, *law in np.exp(drawn).T.tolist():
+        max_field = scaled_field / CURVE_SLOPES[kernel.shape]
+        law[2::4] = [pinned * max_field for pinned in law[2::4]]
+        starts.append(CellStart(tuple(law), max_field, part))
     return starts
 
 
@@ -306,29 +310,32 @@ def scale_to_loops(space: CoordinateSpace, start: CellStart) -> list[ParameterSe
     assert space.form.cells is not None
     field, curve = space.form.cells.make_driven_cells(start.law).follow(np.zeros(field.size), field)
     drives, outputs = _largest_by_gap(space)
-    home = space.records.reference_gap
-    top = float(np.interp(start.max_field, field, curve))
-    omega = start.max_field * (1.0 / start.iron_drive_share - 1.0) / top
+    reference = space.records.reference_gap
+    max_magnetisation = float(np.interp(start.max_field, field, curve))
+    omega = start.max_field * (1.0 / start.iron_drive_share - 1.0) / max_magnetisation
     omega = max(omega, -_MAX_INTERACTION / float(np.max(np.diff(curve) / np.diff(field))))
-    scale = drives[home] / (start.max_field + omega * top)
-    gain = outputs[home] / top**form.power
+    scale = drives[reference] / (start.max_field + omega * max_magnetisation)
+    gain = outputs[reference] / max_magnetisation**form.power
     sets = []
     for drive, output in zip(drives, outputs, strict=True):
         m = (output / gain) ** (1.0 / form.power)
         x = float(np.interp(m, curve, field))
-        own = (omega, scale)
+        omega_and_scale = (omega, scale)
         if space.gap_map in SERIES_MAPS:
-            own = (max((drive / scale - x) / m, 0.0), scale)
+            omega_and_scale = (max((drive / scale - x) / m, 0.0), scale)
         elif len(drives) > 1:
-            own = (omega, drive / (x + omega * m))
-        sets.append(form.make_set([*start.law, *own, gain, 0.0, 0.0]))
+            omega_and_scale = (omega, drive / (x + omega * m))
+        sets.append(form.make_set([*start.law, *omega_and_scale, gain, 0.0, 0.0]))
     return sets
 
 
 def has_valid_scales(sets: Sequence[ParameterSet]) -> bool:
     """Whether the scales of a start are those of a drive and an output."""
     return all(
-        own.scale > 0.0 and own.gain > 0.0 and own.h * own.omega < MAX_FLATNESS for own in sets
+        parameter_set.scale > 0.0
+        and parameter_set.gain > 0.0
+        and parameter_set.h * parameter_set.omega < MAX_FLATNESS
+        for parameter_set in sets
     )
 
 
@@ -336,8 +343,8 @@ def _largest_by_gap(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
     """Drive and output where the output is largest, at each gap; absolute values."""
     drives, outputs = np.zeros(space.records.gap_count), np.zeros(space.records.gap_count)
     for record in space.records.loops:
-        at = int(np.argmax(np.abs(record.output)))
-        if abs(record.output[at]) > outputs[record.gap]:
-            drives[record.gap] = abs(record.input[at])
-            outputs[record.gap] = abs(record.output[at])
+        row = int(np.argmax(np.abs(record.output)))
+        if abs(record.output[row]) > outputs[record.gap]:
+            drives[record.gap] = abs(record.input[row])
+            outputs[record.gap] = abs(record.output[row])
     return drives, outputs

@@ -87,18 +87,20 @@ class CoordinateSpace:
     @cached_property
     def entries(self) -> tuple[tuple[str, int | None], ...]:
         """Name and gap of each coordinate; no gap for those shared by all."""
-        listed: list[tuple[str, int | None]] = []
-        differing = GAP_DEPENDENT[self.gap_map] - self.common
+        entries: list[tuple[str, int | None]] = []
+        gap_dependent = GAP_DEPENDENT[self.gap_map] - self.common
         if self.gap_map == "free":
-            differing |= {number.name for number in self.form.kernel.fit_parameters} - self.common
+            gap_dependent |= {
+                number.name for number in self.form.kernel.fit_parameters
+            } - self.common
         for name in (*self.form.names, *(("leakage",) if self.gap_map == "leakage" else ())):
             if name in self.fixed:
                 continue
-            if name in differing:
-                listed.extend((name, gap) for gap in range(self.records.gap_count))
+            if name in gap_dependent:
+                entries.extend((name, gap) for gap in range(self.records.gap_count))
             else:
-                listed.append((name, None))
-        return tuple(listed)
+                entries.append((name, None))
+        return tuple(entries)
 
     def to_coordinate(self, name: str, value: float) -> float:
         """Return the coordinate of a parameter, SI."""
@@ -125,10 +127,13 @@ class CoordinateSpace:
     @cached_property
     def _coordinate_indices(self) -> NDArray[np.intp]:
         """Place of the coordinate of each parameter at each gap; -1 of one that is held at zero."""
-        column = {entry: at for at, entry in enumerate(self.entries)}
+        column_of = {entry: index for index, entry in enumerate(self.entries)}
         return np.array(
             [
-                [column.get((name, gap), column.get((name, None), -1)) for name in self.form.names]
+                [
+                    column_of.get((name, gap), column_of.get((name, None), -1))
+                    for name in self.form.names
+                ]
                 for gap in range(self.records.gap_count)
             ]
         )
@@ -183,8 +188,8 @@ class CoordinateSpace:
         gain, leakage = self._gain_and_leakage(sets)
         for name, gap in self.entries:
             local = sets[gap or 0]
-            known = self.form.named_values(local) | {"leakage": leakage}
-            value = gain if (name, self.gap_map) == ("gain", "leakage") else known[name]
+            values = self.form.named_values(local) | {"leakage": leakage}
+            value = gain if (name, self.gap_map) == ("gain", "leakage") else values[name]
             if name == "scale" and self.gap_map in SERIES_MAPS:
                 value *= 1.0 - self.form.h * local.omega
             theta.append(self.to_coordinate(name, value))
@@ -194,23 +199,25 @@ class CoordinateSpace:
         """Gain without leakage, and leakage, that come closest to the gains of all gaps."""
         omega = np.array([local.omega for local in sets])
         root = np.array([local.gain for local in sets]) ** (1.0 / self.form.power)
-        away = omega - omega.mean()
-        spread = float(away @ away)
-        slope = float(away @ root) / spread if spread > 0.0 else 0.0
-        closed = float(root.mean() - slope * omega.mean())
-        if closed <= 0.0 or slope == 0.0:
+        centred = omega - omega.mean()
+        spread = float(centred @ centred)
+        slope = float(centred @ root) / spread if spread > 0.0 else 0.0
+        closed_gap_root = float(root.mean() - slope * omega.mean())
+        if closed_gap_root <= 0.0 or slope == 0.0:
             return float(root.mean()) ** self.form.power, 0.0
-        return closed**self.form.power, -slope / closed * max(sets[-1].omega, _MIN_OMEGA)
+        return closed_gap_root**self.form.power, -slope / closed_gap_root * max(
+            sets[-1].omega, _MIN_OMEGA
+        )
 
     def without_gaps(self, withheld: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
         """Return the space without these gaps, and the indices of its coordinates in this one."""
-        kept = [index for index, (_, gap) in enumerate(self.entries) if gap not in withheld]
-        return replace(self, records=self.records.without_gaps(withheld)), np.array(kept)
+        indices = [index for index, (_, gap) in enumerate(self.entries) if gap not in withheld]
+        return replace(self, records=self.records.without_gaps(withheld)), np.array(indices)
 
     def with_fixed(self, names: frozenset[str]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
         """Return the space with more numbers held at zero, and the indices of its coordinates in this one."""
-        kept = [index for index, (name, _) in enumerate(self.entries) if name not in names]
-        return replace(self, fixed=self.fixed | names), np.array(kept)
+        indices = [index for index, (name, _) in enumerate(self.entries) if name not in names]
+        return replace(self, fixed=self.fixed | names), np.array(indices)
 
     def unpack(self, theta: FloatArray) -> list[tuple[ParameterSet, FloatArray]]:
         """Parameters at each gap, and their derivatives by the coordinates, shape (numbers, size)."""
@@ -253,14 +260,16 @@ class CoordinateSpace:
         )
         omega = float(values[widest])
         ratio = at_gap[omega_row] / max(omega, _MIN_OMEGA)
-        part = max(1.0 - float(values[leakage]) * ratio, MIN_GAP_FLUX_SHARE)
-        at_gap[row] *= part**power
-        jacobian[row] *= part**power
-        if part > MIN_GAP_FLUX_SHARE and omega > _MIN_OMEGA:
-            by_part = power * at_gap[row] / part
-            jacobian[row] -= by_part * values[leakage] / omega * jacobian[omega_row]
-            jacobian[row, widest] += by_part * values[leakage] * ratio / omega * slopes[widest]
-            jacobian[row, leakage] -= by_part * ratio * slopes[leakage]
+        gap_share = max(1.0 - float(values[leakage]) * ratio, MIN_GAP_FLUX_SHARE)
+        at_gap[row] *= gap_share**power
+        jacobian[row] *= gap_share**power
+        if gap_share > MIN_GAP_FLUX_SHARE and omega > _MIN_OMEGA:
+            gain_derivative = power * at_gap[row] / gap_share
+            jacobian[row] -= gain_derivative * values[leakage] / omega * jacobian[omega_row]
+            jacobian[row, widest] += (
+                gain_derivative * values[leakage] * ratio / omega * slopes[widest]
+            )
+            jacobian[row, leakage] -= gain_derivative * ratio * slopes[leakage]
 
 
 def coordinate_kind(law: str, quantity: str) -> Coordinate:

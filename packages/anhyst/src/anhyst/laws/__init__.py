@@ -21,10 +21,10 @@ def _find_fault(law: object, name: str) -> str:
     """Say what keeps a law of another package from being used; empty where nothing does."""
     if not isinstance(law, Law):
         return "and it is no Law"
-    names, taken = [spec.name for spec in law.parameters], []
+    names, argument_names = [spec.name for spec in law.parameters], []
     with suppress(TypeError, ValueError):  # of some functions in C nothing is known
-        taken = list(inspect.signature(law.iron).parameters)
-    if taken != names and sorted(taken) == sorted(names):
+        argument_names = list(inspect.signature(law.iron).parameters)
+    if argument_names != names and sorted(argument_names) == sorted(names):
         return "and its iron takes the parameters in another order"
     return "" if law.name == name else "and its law has another name"
 

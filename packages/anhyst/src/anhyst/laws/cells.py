@@ -56,8 +56,8 @@ class CellWeights:
 
     def __post_init__(self) -> None:
         for name in ("thresholds", "widths", "weights", "centres"):
-            if (given := getattr(self, name)) is not None:
-                values = np.ascontiguousarray(given, dtype=np.float64).copy()
+            if (values_given := getattr(self, name)) is not None:
+                values = np.ascontiguousarray(values_given, dtype=np.float64).copy()
                 values.flags.writeable = False
                 object.__setattr__(self, name, values)
         problem = self._find_shape_problem() or self._find_range_problem()
@@ -128,13 +128,13 @@ class CellWeights:
         self, positions: FloatArray, function: Callable[[Shape, FloatArray], FloatArray]
     ) -> FloatArray:
         """Return each curve at places of each cell, or its slope over place/width; (n + 1, J, m)."""
-        places, middles, widths = (
+        fields, middles, widths = (
             positions[:, None, :],
             self.curve_centres[:, None],
             self.widths[:, None],
         )
-        sides = (-1.0, 1.0) if self.curve_centres.any() else (1.0,)
-        halves = [function(self.shape, (places + side * middles) / widths) for side in sides]
+        signs = (-1.0, 1.0) if self.curve_centres.any() else (1.0,)
+        halves = [function(self.shape, (fields + side * middles) / widths) for side in signs]
         return np.asarray(sum(halves) / len(halves))
 
     @property
@@ -170,27 +170,31 @@ def _discretise(pinned: tuple[Population, ...]) -> _Discretisation:
     levels[1], levels[-1] = low, high
     logs = np.log(np.sqrt(levels[1:-1] * levels[2:]) / scales)
     u = np.exp(np.minimum(spreads * logs, np.log(700.0)))  # beyond exp(-700) nothing is left
-    left = np.zeros((len(pinned), PINNED_CELLS + 1))
-    left[:, 0], left[:, 1:-1] = 1.0, np.exp(-u)
-    return _Discretisation(levels, logs, left[:, :-1] - left[:, 1:], -u * left[:, 1:-1])
+    remaining = np.zeros((len(pinned), PINNED_CELLS + 1))
+    remaining[:, 0], remaining[:, 1:-1] = 1.0, np.exp(-u)
+    return _Discretisation(
+        levels, logs, remaining[:, :-1] - remaining[:, 1:], -u * remaining[:, 1:-1]
+    )
 
 
 def discretise_populations(
     reversible: tuple[float, float], pinned: Sequence[Population], shape: Shape = "tanh"
 ) -> CellWeights:
     """Cut populations into cells."""
-    counting = [cell for cell in pinned if cell.magnetisation != 0.0]
-    if not counting:
+    populations = [cell for cell in pinned if cell.magnetisation != 0.0]
+    if not populations:
         raise ValueError("no population has a magnetisation above 0; nothing would be pinned")
-    for population in counting:
+    for population in populations:
         if not all(np.isfinite(population)) or min(population) <= 0.0:
             raise ValueError("a population needs finite numbers above 0")
-    cut = _discretise(tuple(counting))
-    weights = np.zeros((cut.thresholds.size, 1 + len(counting)))
+    discretisation = _discretise(tuple(populations))
+    weights = np.zeros((discretisation.thresholds.size, 1 + len(populations)))
     weights[0, 0], width = reversible
-    weights[1:, 1:] = (np.array([cell.magnetisation for cell in counting])[:, None] * cut.shares).T
-    widths = np.array([width, *(cell.width for cell in counting)])
-    return CellWeights(cut.thresholds, widths, weights, shape)
+    weights[1:, 1:] = (
+        np.array([cell.magnetisation for cell in populations])[:, None] * discretisation.shares
+    ).T
+    widths = np.array([width, *(cell.width for cell in populations)])
+    return CellWeights(discretisation.thresholds, widths, weights, shape)
 
 
 class Tangents(NamedTuple):
@@ -208,24 +212,26 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
     magnetisation, _, scales, spreads = np.array(pinned).T
     levels, logs, shares, by_log = _discretise(tuple(pinned))
     count, directions = len(pinned), 2 + 4 * len(pinned)
-    log_places = np.zeros((PINNED_CELLS, directions))  # derivatives of the logarithms
-    up = np.linspace(0.0, 1.0, PINNED_CELLS)
-    for part, at in ((1.0 - up, scales.argmin()), (up, scales.argmax())):
-        log_places[:, 4 * at + 4] += part / scales[at]
-    every, own = np.arange(count), 4 * np.arange(count) + 2
-    left = np.zeros((count, PINNED_CELLS + 1, directions))  # of what lies above each middle
-    inner = left[:, 1:-1]
-    inner[:] = 0.5 * (log_places[:-1] + log_places[1:])
-    inner[every, :, own + 2] -= 1.0 / scales[:, None]
-    inner *= (spreads[:, None] * by_log)[:, :, None]
-    inner[every, :, own + 3] = by_log * logs
+    log_thresholds = np.zeros((PINNED_CELLS, directions))  # derivatives of the logarithms
+    position = np.linspace(0.0, 1.0, PINNED_CELLS)
+    for part, which in ((1.0 - position, scales.argmin()), (position, scales.argmax())):
+        log_thresholds[:, 4 * which + 4] += part / scales[which]
+    index, column = np.arange(count), 4 * np.arange(count) + 2
+    remaining = np.zeros((count, PINNED_CELLS + 1, directions))  # of what lies above each middle
+    inner_remaining = remaining[:, 1:-1]
+    inner_remaining[:] = 0.5 * (log_thresholds[:-1] + log_thresholds[1:])
+    inner_remaining[index, :, column + 2] -= 1.0 / scales[:, None]
+    inner_remaining *= (spreads[:, None] * by_log)[:, :, None]
+    inner_remaining[index, :, column + 3] = by_log * logs
     weights = np.zeros((levels.size, 1 + count, directions))
-    weights[1:, 1:] = (magnetisation[:, None, None] * (left[:, :-1] - left[:, 1:])).swapaxes(0, 1)
-    weights[1:, 1 + every, own] = shares.T
+    weights[1:, 1:] = (
+        magnetisation[:, None, None] * (remaining[:, :-1] - remaining[:, 1:])
+    ).swapaxes(0, 1)
+    weights[1:, 1 + index, column] = shares.T
     widths = np.zeros((1 + count, directions))
-    weights[0, 0, 0] = widths[0, 1] = widths[1 + every, own + 1] = 1.0
+    weights[0, 0, 0] = widths[0, 1] = widths[1 + index, column + 1] = 1.0
     thresholds = np.zeros((levels.size, directions))
-    thresholds[1:] = levels[1:, None] * log_places
+    thresholds[1:] = levels[1:, None] * log_thresholds
     return Tangents(weights, widths, thresholds)
 
 

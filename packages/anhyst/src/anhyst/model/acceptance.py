@@ -56,8 +56,8 @@ class GapCheck:
     def failing(self) -> tuple[float, ...]:
         """Gaps where the output has fallen, or could not be computed, m."""
         falls = _falls_as_gap_closes(self.sign * self.output, self.sign * self.offset)
-        fallen = np.fmax.reduce(falls, axis=1, initial=0.0) > MAX_FALL
-        return tuple(self.gaps[fallen | np.isnan(self.output).any(axis=1)].tolist())
+        has_fallen = np.fmax.reduce(falls, axis=1, initial=0.0) > MAX_FALL
+        return tuple(self.gaps[has_fallen | np.isnan(self.output).any(axis=1)].tolist())
 
     @property
     def passed(self) -> bool:
@@ -124,26 +124,26 @@ def check_over_drive(model: ModelData) -> DriveCheck | None:
         f"conditioned:{start!r},{largest!r},{start!r}": "from remanence",
     }
     worst = DriveCheck(0.0, start, "")
-    most = max(map(abs, model.valid.output))
-    places: list[float | None] = [None]
+    largest_output = max(map(abs, model.valid.output))
+    gaps: list[float | None] = [None]
     if model.needs_schedule:
         nodes = np.array(model.nodes)
-        places = [*np.sort([*nodes, *(0.5 * (nodes[1:] + nodes[:-1]))]).tolist()]
-    for gap in places:
-        for history, words in states.items():
-            where = words
+        gaps = [*np.sort([*nodes, *(0.5 * (nodes[1:] + nodes[:-1]))]).tolist()]
+    for gap in gaps:
+        for history, start_text in states.items():
+            where = start_text
             if gap is not None and model.schedule is not None:
-                where = f"at {model.schedule.show(gap)} {words}"
+                where = f"at {model.schedule.show(gap)} {start_text}"
             try:
                 time = slow_times(rise.size)
                 output = run_record(model, "drive", rise, gap, time, history).output
             except (InputError, NegativeResult) as error:
                 return DriveCheck(np.inf, start, where, str(error))
             falls = np.maximum.accumulate(output) - output
-            at = int(np.argmax(falls))
-            fall = float(falls[at]) / max(most, np.finfo(np.float64).tiny)
+            row = int(np.argmax(falls))
+            fall = float(falls[row]) / max(largest_output, np.finfo(np.float64).tiny)
             if fall > worst.fall:
-                worst = DriveCheck(fall, float(rise[at]), where)
+                worst = DriveCheck(fall, float(rise[row]), where)
     return worst
 
 
@@ -191,15 +191,15 @@ def check_over_gap(
     if len(model.nodes) < 2 or model.valid is None or model.output.name == "thrust":
         return None  # what pushes too has no gap that closes
     nodes = np.array(model.nodes)
-    parts = np.arange(GAPS_PER_INTERVAL) / GAPS_PER_INTERVAL
-    gaps = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * parts).ravel(), nodes[-1])
-    half = np.linspace(_rest_drive(model), _largest_drive(model), DRIVES_PER_BRANCH)
-    drive = np.concatenate([half, half[-2::-1]])
+    fractions = np.arange(GAPS_PER_INTERVAL) / GAPS_PER_INTERVAL
+    gaps = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * fractions).ravel(), nodes[-1])
+    ascending = np.linspace(_rest_drive(model), _largest_drive(model), DRIVES_PER_BRANCH)
+    drive = np.concatenate([ascending, ascending[-2::-1]])
     # "rises" means: in magnitude
-    towards = -1.0 if not output_map(model.output).is_even and half[-1] < 0.0 else 1.0
+    sign = -1.0 if not output_map(model.output).is_even and ascending[-1] < 0.0 else 1.0
     output = np.full((gaps.size, drive.size), np.nan)
     offset = np.zeros(gaps.size)
-    troubles: list[tuple[float, str]] = []
+    failures: list[tuple[float, str]] = []
     for index, gap in enumerate(gaps.tolist()):
         try:
             fixed, schedule = (model, gap) if at is None else (at(gap), None)
@@ -209,19 +209,19 @@ def check_over_gap(
             largest = _largest_drive(model)
             shares = np.atleast_1d(model.parameters["in_0"]) / largest
             share = fixed.interpolate_parameter("in_0", gap)[0] / largest
-            seen = drive - largest * float(np.clip(shares.max() - share, 0.0, MAX_SENSOR_OFFSET))
+            applied = drive - largest * float(np.clip(shares.max() - share, 0.0, MAX_SENSOR_OFFSET))
             time = slow_times(drive.size)
-            output[index] = run_record(fixed, "drive", seen, schedule, time, "settled").output
+            output[index] = run_record(fixed, "drive", applied, schedule, time, "settled").output
         except (InputError, NegativeResult) as error:
-            troubles.append((gap, str(error)))
-    if troubles:
-        gap, trouble = troubles[0]
-        return GapCheck(gaps, drive, output, offset, np.inf, gap, 0.0, "rising", towards, trouble)
-    fall = _falls_as_gap_closes(towards * output, towards * offset)
-    place, sample = np.unravel_index(int(np.argmax(fall)), fall.shape)
-    worst = float(fall[place, sample]), float(gaps[place]), float(drive[sample])
+            failures.append((gap, str(error)))
+    if failures:
+        gap, failure = failures[0]
+        return GapCheck(gaps, drive, output, offset, np.inf, gap, 0.0, "rising", sign, failure)
+    fall = _falls_as_gap_closes(sign * output, sign * offset)
+    gap_index, sample = np.unravel_index(int(np.argmax(fall)), fall.shape)
+    worst = float(fall[gap_index, sample]), float(gaps[gap_index]), float(drive[sample])
     branch = "rising" if sample < DRIVES_PER_BRANCH else "falling"
-    return GapCheck(gaps, drive, output, offset, *worst, branch, towards)
+    return GapCheck(gaps, drive, output, offset, *worst, branch, sign)
 
 
 _NEGATIVE_END_RATIO = 1.05
@@ -250,7 +250,7 @@ def _falls_as_gap_closes(output: FloatArray, offset: FloatArray) -> FloatArray:
     """How far the output lies below that of any wider gap, in parts of the largest output."""
     tiny = np.finfo(np.float64).tiny
     largest = float(np.fmax.reduce(np.abs(output), axis=None, initial=tiny))
-    reach = MAX_SENSOR_OFFSET * largest
-    closing = (output - np.clip(offset, -reach, reach)[:, None])[::-1]
-    best = np.fmax.accumulate(closing, axis=0)
-    return (best - closing)[::-1] / largest
+    max_offset = MAX_SENSOR_OFFSET * largest
+    closing = (output - np.clip(offset, -max_offset, max_offset)[:, None])[::-1]
+    running_maximum = np.fmax.accumulate(closing, axis=0)
+    return (running_maximum - closing)[::-1] / largest

@@ -139,8 +139,8 @@ class Model(Result, ModelData):
         Each branch has this number of samples. A model whose loops depend on the rate is cycled in
         :data:`CYCLE_S`. It is an `InputError` if the model does not say where it holds.
         """
-        up = np.linspace(*self.valid_range.input, samples)
-        drive = np.concatenate([up, up[::-1]])
+        ascending = np.linspace(*self.valid_range.input, samples)
+        drive = np.concatenate([ascending, ascending[::-1]])
         time = np.linspace(0.0, CYCLE_S, drive.size) if self.needs_time else None
         return drive, self(drive, schedule, time, "settled")
 
@@ -234,16 +234,16 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
     if not sources:
         text = "the model does not say which measurements it came from: [provenance]"
         raise InputError(text, code="no-provenance", key="provenance")
-    kept = {
+    texts = {
         name.removeprefix(SETTING_PREFIX): str(value)
         for name, value in model.provenance.settings.items()
         if name.startswith(SETTING_PREFIX)
     }
-    unknown = set(kept) - {item.name for item in fields(ReadOptions)}
+    unknown = set(texts) - {item.name for item in fields(ReadOptions)}
     if unknown:
         key = f"provenance.settings.{SETTING_PREFIX}{min(unknown)}"
         raise wrong_key(key, "is unknown; remove it", code="extra-forbidden")
-    options = ReadOptions.from_text(**kept)
+    options = ReadOptions.from_text(**texts)
     return options.read(
         [_find_source(source.path, source.sha256, Path(folder)) for source in sources]
     )
@@ -275,10 +275,10 @@ def find_compile_obstacle(model: Model) -> str | None:
         others = " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)
         return f"law {model.law!r} cannot be compiled: {law.obstacle}; identify with {others}"
     if model.needs_fixed_gap:
-        over = model.schedule.name if model.schedule else "gap"
-        others = "scaling or reluctance" if over == "gap" else "scaling"
+        schedule_name = model.schedule.name if model.schedule else "gap"
+        others = "scaling or reluctance" if schedule_name == "gap" else "scaling"
         return (
-            f"gap map 'free' cannot be compiled: the iron itself would change with the {over}; "
+            f"gap map 'free' cannot be compiled: the iron itself would change with the {schedule_name}; "
             f"identify with --gap-map {others}"
         )
     if model.has_eddy_currents and not (model.has_layers or model.has_lag):
@@ -303,8 +303,8 @@ def least_slope(model: Model, at: FloatArray) -> FloatArray:
 
 
 def _find_jump(model: Model) -> str | None:
-    at = _gaps_to_check(model)
-    jumps = least_slope(model, at) < MIN_SLOPE
+    gaps = _gaps_to_check(model)
+    jumps = least_slope(model, gaps) < MIN_SLOPE
     if not jumps.any():
         return None
     text = (
@@ -316,7 +316,7 @@ def _find_jump(model: Model) -> str | None:
         switch = f"identify with --gap-map {other}, or " if len(model.nodes) > 1 else ""
         return f"{text}{switch}measure with a wider gap; predict and invert follow the jumps"
     name, unit = ("", "") if model.schedule is None else (model.schedule.name, model.schedule.unit)
-    low, high = at[jumps].min(), at[jumps].max()
+    low, high = gaps[jumps].min(), gaps[jumps].max()
     return (
         f"{text}it jumps at a {name} of {low:.3g} to {high:.3g} {unit}: leave out the loops there, "
         f"or narrow the {name} in the model's [valid] to what lies beyond"

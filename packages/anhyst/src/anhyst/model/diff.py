@@ -109,11 +109,11 @@ def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
     """Compare two models of the same kind: `anhyst.diff`."""
     first, second = resolve_model(first, "diff", "first"), resolve_model(second, "diff", "second")
     for role in ("input", "output"):
-        mine, other = getattr(first, role), getattr(second, role)
-        if mine != other:
+        first_quantity, second_quantity = getattr(first, role), getattr(second, role)
+        if first_quantity != second_quantity:
             raise InputError(
-                f"the models cannot be compared: the {role} of one is {mine.column}, of the other "
-                f"{other.column}",
+                f"the models cannot be compared: the {role} of one is {first_quantity.column}, of the other "
+                f"{second_quantity.column}",
                 code="quantities-differ",
             )
     settings = _find_changes(_settings(first), _settings(second))
@@ -172,18 +172,22 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
     ranges = [m.valid.schedule for m in (first, second) if m.valid and m.valid.schedule]
     spans = ranges or [(m.nodes[0], m.nodes[-1]) for m in (first, second) if m.nodes]
     low, high = max(low for low, _ in spans), min(high for _, high in spans)
-    within = nodes[(nodes >= low) & (nodes <= high)]
-    if not within.size:
+    common_nodes = nodes[(nodes >= low) & (nodes <= high)]
+    if not common_nodes.size:
         text = "the valid ranges of the schedule do not overlap: no loops compared"
         raise InputError(text, code="ranges-apart")
-    return sorted([*within.tolist(), *(0.5 * (within[1:] + within[:-1])).tolist()])
+    return sorted(
+        [*common_nodes.tolist(), *(0.5 * (common_nodes[1:] + common_nodes[:-1])).tolist()]
+    )
 
 
 def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> LoopDifference:
-    half = np.linspace(*drive, DRIVES_PER_BRANCH)
-    cycle = np.concatenate([half, half[-2::-1]])
-    slow = slow_times(cycle.size)
-    output, other = (model.predict(cycle, gap, slow, "settled").output for model in (first, second))
-    apart = np.abs(output - other)
-    largest, at = full_scale(first.output, (output,)), float(cycle[int(np.argmax(apart))])
-    return LoopDifference(gap, largest, float(apart.mean()), float(apart.max()), at)
+    ascending = np.linspace(*drive, DRIVES_PER_BRANCH)
+    cycle = np.concatenate([ascending, ascending[-2::-1]])
+    times = slow_times(cycle.size)
+    output, other = (
+        model.predict(cycle, gap, times, "settled").output for model in (first, second)
+    )
+    differences = np.abs(output - other)
+    largest, at = full_scale(first.output, (output,)), float(cycle[int(np.argmax(differences))])
+    return LoopDifference(gap, largest, float(differences.mean()), float(differences.max()), at)

@@ -79,17 +79,17 @@ class Dynamics:
         Return the record without or with its creep, the slow parts at its last sample, and the
         flux density there.
         """
-        kept = np.exp(-np.diff(time, prepend=time[0])[:, None] / np.array(self.times))
+        decay = np.exp(-np.diff(time, prepend=time[0])[:, None] / np.array(self.times))
         shares = np.array(self.shares)
         if is_flux_known:
             parts = np.stack(
-                [_follow_known_flux(inputs, *one) for one in zip(kept.T, slow, strict=True)]
+                [_follow_known_flux(inputs, *pair) for pair in zip(decay.T, slow, strict=True)]
             )
             return inputs + shares @ parts, parts[:, -1], float(inputs[-1])
         creep = np.empty(inputs.size)
         before = 0.0
         for i, value in enumerate(inputs.tolist()):
-            slow = before + kept[i] * (slow - before) if i else slow
+            slow = before + decay[i] * (slow - before) if i else slow
             creep[i] = before = value - float(shares @ slow)
         return creep, slow, before
 
@@ -99,28 +99,28 @@ class Dynamics:
         """Return the slow parts with which a cycle begins that has been repeated for ever."""
         step = float(np.median(np.diff(time)))
 
-        def around(slow: FloatArray) -> FloatArray:
+        def run_cycle(slow: FloatArray) -> FloatArray:
             _, end, last = self.apply_creep(inputs, time, slow, is_flux_known=is_flux_known)
             return self.advance(last, end, step)
 
-        rest = around(np.zeros(len(self.times)))
-        linear = np.stack([around(unit) - rest for unit in np.eye(len(self.times))], axis=1)
-        return np.asarray(np.linalg.solve(np.eye(len(self.times)) - linear, rest))
+        offset = run_cycle(np.zeros(len(self.times)))
+        matrix = np.stack([run_cycle(unit) - offset for unit in np.eye(len(self.times))], axis=1)
+        return np.asarray(np.linalg.solve(np.eye(len(self.times)) - matrix, offset))
 
     def delayed(self, values: FloatArray, time: FloatArray) -> FloatArray:
         """Return a record delayed by the lag, its first value held before its start."""
         return np.interp(time - self.lag, time, values)
 
 
-def _follow_known_flux(inputs: FloatArray, kept: FloatArray, start: float) -> FloatArray:
+def _follow_known_flux(inputs: FloatArray, decay: FloatArray, start: float) -> FloatArray:
     """Return what follows a known input with one time constant, from a start; of floats, for speed."""
     slow, before = float(start), 0.0
-    found: list[float] = []
-    for part, value in zip(kept.tolist(), inputs.tolist(), strict=True):
-        slow = before + part * (slow - before) if found else slow
-        found.append(slow)
+    slow_values: list[float] = []
+    for part, value in zip(decay.tolist(), inputs.tolist(), strict=True):
+        slow = before + part * (slow - before) if slow_values else slow
+        slow_values.append(slow)
         before = value
-    return np.array(found)
+    return np.array(slow_values)
 
 
 MAX_LAYERS = 16
@@ -135,13 +135,13 @@ class Layers:
     laminated: float = 0.0  # share of the path in sheets, 0 or above and below 1
 
     def __post_init__(self) -> None:
-        for key, wrong, wanted in (
+        for key, is_wrong, allowed in (
             ("count", not 2 <= self.count <= MAX_LAYERS, f"from 2 to {MAX_LAYERS}"),
             ("surface", not 0.0 < self.surface < 1.0, "above 0 and below 1"),
             ("laminated", not 0.0 <= self.laminated < 1.0, "from 0 to below 1"),
         ):
-            if wrong:
-                text = f"model layers: {key} is {getattr(self, key):g}; give a number {wanted}"
+            if is_wrong:
+                text = f"model layers: {key} is {getattr(self, key):g}; give a number {allowed}"
                 raise InputError(text, code="out-of-range", key=key)
 
     @property

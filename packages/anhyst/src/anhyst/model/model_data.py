@@ -267,8 +267,8 @@ class ModelData:
         """The quasi-static model: without lag, creep and eddy currents."""
         if self.dynamics is None and not self.has_eddy_currents:
             return self
-        still = dict(self.parameters) | {"gamma": 0.0}
-        return replace(self, parameters=still, layers=None, dynamics=None)
+        parameters = dict(self.parameters) | {"gamma": 0.0}
+        return replace(self, parameters=parameters, layers=None, dynamics=None)
 
     @cached_property
     def curves(self) -> Mapping[str, Curve]:
@@ -342,16 +342,16 @@ class ModelData:
         if at is None:
             at = np.full(eddy_rate.shape, self.schedule_or_default(None))
         # A search asks for the same short rows again.
-        key, kept = at.tobytes() if at.size <= MAX_CACHED_SAMPLES else b"", self._cached_rows
-        rows = kept.get(key) or tuple(
+        key, cache = at.tobytes() if at.size <= MAX_CACHED_SAMPLES else b"", self._cached_rows
+        rows = cache.get(key) or tuple(
             self.interpolate_parameter(spec.name, at) for spec in CIRCUIT_SPECS
         )
-        if key and key not in kept:
+        if key and key not in cache:
             for values in rows:
                 values.flags.writeable = False
-            if len(kept) >= MAX_CACHED_ROWS:
-                kept.clear()
-            kept[key] = rows
+            if len(cache) >= MAX_CACHED_ROWS:
+                cache.clear()
+            cache[key] = rows
         c_h, rho, gamma, c_out, in_0, out_0 = rows
         return Circuit(c_h, rho, gamma * eddy_rate, c_out, in_0, out_0, output_map(self.output))
 

@@ -88,9 +88,9 @@ def find_problems(
             if gap_map != "free" and name not in MAY_VARY[gap_map]:
                 text = f"may not vary with the gap map '{gap_map}'; give a single number"
                 problems.append(Problem(name, text, code="may-not-vary"))
-        wrong = next(filter(None, (spec.find_problem(single) for single in values)), None)
-        if wrong is not None:
-            problems.append(Problem(name, wrong, code="out-of-range"))
+        fault = next(filter(None, (spec.find_problem(single) for single in values)), None)
+        if fault is not None:
+            problems.append(Problem(name, fault, code="out-of-range"))
     unknown = [name for name in parameters if name not in specs]
     problems.extend(Problem(name, "is unknown", code="extra-forbidden") for name in unknown)
     return problems
@@ -184,9 +184,9 @@ class Curve:
         return self._evaluate(query)
 
     def _evaluate(self, query: FloatArray) -> FloatArray:
-        inside, slopes = self._interpolant
+        interpolant, slopes = self._interpolant
         low, high = self.nodes[0], self.nodes[-1]
-        straight = inside(np.minimum(np.maximum(query, low), high))
+        straight = interpolant(np.minimum(np.maximum(query, low), high))
         with np.errstate(over="ignore"):  # a parameter that is not finite is refused by name
             straight += slopes[0] * np.minimum(query - low, 0.0)
             straight += slopes[-1] * np.maximum(query - high, 0.0)
@@ -238,10 +238,15 @@ def _monotone_slopes(nodes: FloatArray, heights: FloatArray) -> FloatArray:
     width = np.diff(nodes)
     secant = np.diff(heights) / width
     slopes = np.zeros(nodes.size)
-    same = secant[:-1] * secant[1:] > 0.0
+    has_same_sign = secant[:-1] * secant[1:] > 0.0
     left, right = 2.0 * width[1:] + width[:-1], width[1:] + 2.0 * width[:-1]
-    left_secant, right_secant = np.where(same, secant[:-1], 1.0), np.where(same, secant[1:], 1.0)
-    slopes[1:-1] = np.where(same, (left + right) / (left / left_secant + right / right_secant), 0.0)
+    left_secant, right_secant = (
+        np.where(has_same_sign, secant[:-1], 1.0),
+        np.where(has_same_sign, secant[1:], 1.0),
+    )
+    slopes[1:-1] = np.where(
+        has_same_sign, (left + right) / (left / left_secant + right / right_secant), 0.0
+    )
     slopes[0] = _end_slope(width[0], width[1], secant[0], secant[1])
     slopes[-1] = _end_slope(width[-1], width[-2], secant[-1], secant[-2])
     return slopes
@@ -262,14 +267,14 @@ def _cubic(
     """Return the cubic Hermite curve within the nodes."""
     width = np.diff(nodes)
     secant = np.diff(heights) / width
-    bend = (3.0 * secant - 2.0 * slopes[:-1] - slopes[1:]) / width
-    twist = (slopes[:-1] + slopes[1:] - 2.0 * secant) / width**2
+    second = (3.0 * secant - 2.0 * slopes[:-1] - slopes[1:]) / width
+    third = (slopes[:-1] + slopes[1:] - 2.0 * secant) / width**2
     inner = nodes[1:-1]
 
     def at(query: FloatArray) -> FloatArray:
         segment = inner.searchsorted(query, side="right")
         offset = query - nodes[segment]
-        turn = slopes[segment] + offset * (bend[segment] + offset * twist[segment])
+        turn = slopes[segment] + offset * (second[segment] + offset * third[segment])
         return np.asarray(heights[segment] + offset * turn)
 
     return at

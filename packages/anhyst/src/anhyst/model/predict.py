@@ -102,27 +102,29 @@ def _run_without_dynamics(
     history: HistoryLike | None,
 ) -> Prediction:
     """Compute a record of an actuator without lag and creep."""
-    at = None if schedule is None else as_samples(schedule, "schedule", inputs.size)
-    if at is None:
+    schedule_values = None if schedule is None else as_samples(schedule, "schedule", inputs.size)
+    if schedule_values is None:
         model.schedule_or_default(None)
-    past = as_history(history, model)
-    record = _RecordRun(model, kind, inputs, at, eddy_rate(model, time, inputs.size))
-    runs = list(_split_runs(model, at, inputs.size))
-    ends = [_run_stretch(record, run, past) for run in runs]
+    history_before = as_history(history, model)
+    record = _RecordRun(model, kind, inputs, schedule_values, eddy_rate(model, time, inputs.size))
+    runs = list(_split_runs(model, schedule_values, inputs.size))
+    ends = [_run_stretch(record, run, history_before) for run in runs]
     drive, output = (inputs, record.results) if kind == "drive" else (record.results, inputs)
-    valid, flags = flag_samples(model, kind, drive, output, at, record.reachable)
+    valid, flags = flag_samples(model, kind, drive, output, schedule_values, record.reachable)
     if not record.reachable.all():
-        rest = model.circuit(at, np.zeros(inputs.size)).output(np.zeros(inputs.size))
-        output = np.where(record.reachable, inputs, rest)
+        zero_flux_output = model.circuit(schedule_values, np.zeros(inputs.size)).output(
+            np.zeros(inputs.size)
+        )
+        output = np.where(record.reachable, inputs, zero_flux_output)
     notes = []
     if len(runs) > 1:
         notes.append(
             f"the schedule changes {len(runs) - 1} times; the iron of this model changes with it, "
-            f"so each stretch starts again ({past})"
+            f"so each stretch starts again ({history_before})"
         )
     if model.dynamics is not None and time is not None:
         notes += describe_too_fast(model.dynamics, drive, as_samples(time, "time", drive.size))
-    cycles = [inputs[run] for run in runs] if past.kind == "settled" else []
+    cycles = [inputs[run] for run in runs] if history_before.kind == "settled" else []
     if any(
         each.size > 2 and abs(each[-1] - each[0]) > 2.0 * np.abs(np.diff(each)).max()
         for each in cycles
@@ -138,7 +140,7 @@ def _run_without_dynamics(
         valid=valid,
         state=ends[-1][0],
         cycles=max(cycles for _, cycles in ends),
-        history=past,
+        history=history_before,
         reachable=record.reachable,
         flags=flags,
         notes=tuple(notes),
@@ -155,33 +157,33 @@ def _run_with_dynamics(
     past: History,
 ) -> Prediction:
     """Compute a record of an actuator that lags and creeps; a drive is one lag ahead of its demand."""
-    late, at = model.dynamics, None
-    assert late is not None
+    dynamics, at = model.dynamics, None
+    assert dynamics is not None
     if schedule is not None:
         at = as_samples(schedule, "schedule", inputs.size)
 
-    def creeping(flux: FloatArray) -> FloatArray:
+    def convert_creep(flux: FloatArray) -> FloatArray:
         """Return the output with creep for a drive, without it for a demand."""
         if past.kind == "settled":
-            slow = late.settled_slow_parts(flux, time, is_flux_known=kind == "drive")
+            slow = dynamics.settled_slow_parts(flux, time, is_flux_known=kind == "drive")
         else:  # after a long rest
-            slow = np.full(len(late.times), _flux_at_rest(model, at, past))
-        creep, _, _ = late.apply_creep(flux, time, slow, is_flux_known=kind == "drive")
+            slow = np.full(len(dynamics.times), _flux_at_rest(model, at, past))
+        creep, _, _ = dynamics.apply_creep(flux, time, slow, is_flux_known=kind == "drive")
         return model.circuit(at, np.zeros(inputs.size)).output(creep)
 
-    at_once, reachable = inputs, np.ones(inputs.size, dtype=np.bool_)
+    fast_inputs, reachable = inputs, np.ones(inputs.size, dtype=np.bool_)
     if kind == "drive":
-        at_once = late.delayed(inputs, time)
-    elif late.times:
+        fast_inputs = dynamics.delayed(inputs, time)
+    elif dynamics.times:
         flux, reachable = model.circuit(at, np.zeros(inputs.size)).flux_density(inputs)
-        at_once = creeping(flux)
-    run = _run_without_dynamics(model, kind, at_once, schedule, time, past)
+        fast_inputs = convert_creep(flux)
+    run = _run_without_dynamics(model, kind, fast_inputs, schedule, time, past)
     drive, output = inputs, run.output
     if kind == "demand":
         # One lag ahead; the last value is held after the end.
-        drive, output = np.interp(time + late.lag, time, run.drive), inputs
-    elif late.times:
-        output = creeping(run.flux_density)
+        drive, output = np.interp(time + dynamics.lag, time, run.drive), inputs
+    elif dynamics.times:
+        output = convert_creep(run.flux_density)
     valid, flags = flag_samples(model, kind, drive, output, at, reachable & run.reachable)
     return replace(run, drive=drive, output=output, valid=valid, flags=flags)
 
@@ -191,8 +193,8 @@ def _flux_at_rest(model: ModelData, schedule: FloatArray | None, past: History) 
     if not past.turning_points:
         return 0.0
     at = None if schedule is None else schedule[:1]
-    last = as_samples(past.turning_points[-1:], "turning point")
-    return float(_run_without_dynamics(model, "drive", last, at, [0.0], past).flux_density[0])
+    last_drive = as_samples(past.turning_points[-1:], "turning point")
+    return float(_run_without_dynamics(model, "drive", last_drive, at, [0.0], past).flux_density[0])
 
 
 def _require_times(time: ArrayLike | None, size: int, reason: str) -> FloatArray:
@@ -232,10 +234,10 @@ def _run_stretch(record: _RecordRun, run: slice, history: History) -> tuple[Floa
         piece = slice(first, min(first + PIECE_SAMPLES, run.stop))
         circuit = record.circuit(piece)
         core = record.core_input(piece, circuit)
-        other, field, state, status, index = step(core, circuit.rho, circuit.eddy, state)
+        result, field, state, status, index = step(core, circuit.rho, circuit.eddy, state)
         check_status(status, record.kind, first + index, record.inputs)
-        record.results[piece] = circuit.output(other) if forward else circuit.drive(other)
-        record.flux_density[piece] = other if forward else core
+        record.results[piece] = circuit.output(result) if forward else circuit.drive(result)
+        record.flux_density[piece] = result if forward else core
         record.field[piece] = field
     return state, cycles
 
@@ -273,9 +275,9 @@ def _settle(
 ) -> tuple[FloatArray, int]:
     """Repeat a cycle until the state returns."""
     kind, circuit = record.kind, record.circuit(run)
-    around = (record.core_input(run, circuit), circuit.rho, circuit.eddy)
+    core_inputs = (record.core_input(run, circuit), circuit.rho, circuit.eddy)
     state, cycles, status = iron.settle(
-        *around, start, kind == "demand", MAX_CYCLES, CYCLE_TOLERANCE
+        *core_inputs, start, kind == "demand", MAX_CYCLES, CYCLE_TOLERANCE
     )
     if status == NOT_SETTLED:
         raise NegativeResult(
@@ -284,8 +286,8 @@ def _settle(
             code="cycle-does-not-close",
         )
     if status != OK:  # once more, to see where
-        *_, again, index = _step(iron, kind)(*around, start)
-        check_status(again or status, kind, run.start + index, record.inputs)
+        *_, second_status, index = _step(iron, kind)(*core_inputs, start)
+        check_status(second_status or status, kind, run.start + index, record.inputs)
     return state, cycles
 
 

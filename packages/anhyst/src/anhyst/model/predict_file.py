@@ -197,13 +197,13 @@ def _compute_runs(
     # A column of time that nothing needs may be as it likes.
     time = table.get("time") if model.needs_time else None
     runs = _find_runs(table, schedule, settled=history.startswith("settled"))
-    pasts = _find_histories(model, direction, table, runs, values, schedule, history)
+    histories = _find_histories(model, direction, table, runs, values, schedule, history)
     answers, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
     notes: Counter[str] = Counter()
-    for rows, past in zip(runs, pasts, strict=True):
+    for rows, history_before in zip(runs, histories, strict=True):
         at, clock = (None if c is None else c[rows] for c in (schedule, time))
         try:
-            result = run_record(model, kind, values[rows], at, clock, past)
+            result = run_record(model, kind, values[rows], at, clock, history_before)
         except SampleError as error:
             raise InputError(
                 f"{table.locate_row(int(rows[error.sample]))}: {quantity.name.replace('_', ' ')} "
@@ -220,7 +220,11 @@ def _compute_runs(
     valid, flags = flag_samples(model, kind, drive, output, schedule, reachable, rows=True)
     count = len(runs)
     lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
-    lines += [NESTED_LOOPS_NOTE] if any(past != pasts[0] for past in pasts) else []
+    lines += (
+        [NESTED_LOOPS_NOTE]
+        if any(history_before != histories[0] for history_before in histories)
+        else []
+    )
     return answers, valid, runs, (*flags, *lines)
 
 
@@ -234,20 +238,20 @@ def _find_histories(
     history: str,
 ) -> list[History]:
     """Say what was before each run: settled ones that the file shows to lie one within the other."""
-    past = History.parse(history)
+    history_before = History.parse(history)
     measured, time = (
         _read_measured(table, _column_name(table, model.output)),
         _read_measured(table, "time"),
     )
-    if past != SETTLED or direction == "invert" or measured is None or time is None:
-        return [past] * len(runs)
+    if history_before != SETTLED or direction == "invert" or measured is None or time is None:
+        return [history_before] * len(runs)
     loops = []
     try:
         for index, rows in enumerate(runs):
             at = None if schedule is None else schedule[rows]
             loops.append(Loop(str(index), values[rows], measured[rows], at, time[rows]))
     except InputError:  # a run that is no loop
-        return [past] * len(runs)
+        return [history_before] * len(runs)
     is_gap = model.schedule is not None and model.schedule.name == "gap"
     return [loop.history for loop in add_earlier_loops(loops, across_gaps=is_gap)]
 
@@ -257,8 +261,8 @@ def _column_name(table: DataTable, quantity: Quantity) -> str:
     names = {quantity.name} | {
         name for name, kind in OUTPUT_MAPS.items() if kind.magnetised_name == quantity.name
     }
-    held = {header.quantity.name for header in table.headers if header.quantity is not None}
-    return next((name for name in sorted(names) if name in held), quantity.name)
+    present = {header.quantity.name for header in table.headers if header.quantity is not None}
+    return next((name for name in sorted(names) if name in present), quantity.name)
 
 
 def _read_measured(table: DataTable, name: str) -> FloatArray | None:

@@ -49,33 +49,33 @@ def flag_samples(
     if model.valid is None:
         flags.append("the model does not say where it holds (no [valid]): nothing could be checked")
         return valid, tuple(flags)
-    computed = {"drive": model.output, "demand": model.input}[kind]
+    computed_quantity = {"drive": model.output, "demand": model.input}[kind]
     ranges = (
         (model.input, drive, model.valid.input),
         (model.output, output, model.valid.output),
         (model.schedule, schedule, model.valid.schedule),
     )
-    far = {
+    far_texts = {
         quantity: describe_far_value(quantity, values, limits)
         for quantity, values, limits in ranges
-        if quantity is not computed
+        if quantity is not computed_quantity
     }
     for quantity, values, limits in ranges:
         if quantity is None or values is None or limits is None:
             continue
-        margin = COMPUTED_MARGIN if quantity is computed else GIVEN_MARGIN
+        margin = COMPUTED_MARGIN if quantity is computed_quantity else GIVEN_MARGIN
         low, high = limits
         allowance = margin * (high - low) + GIVEN_MARGIN * max(abs(low), abs(high))
-        inside = (values >= low - allowance) & (values <= high + allowance)
-        valid &= inside
+        is_inside = (values >= low - allowance) & (values <= high + allowance)
+        valid &= is_inside
         # Far outside, a computed value would only follow from that.
-        if not inside.all() and not (quantity is computed and any(far.values())):
+        if not is_inside.all() and not (quantity is computed_quantity and any(far_texts.values())):
             what = (
                 f"lie outside the valid range of {quantity.name.replace('_', ' ')}, {low:g} to "
                 f"{high:g} {quantity.unit}"
             )
-            text = _describe_samples(inside, values, quantity.unit, rows, what)
-            flags.append(": ".join(filter(None, (text, far.get(quantity)))))
+            text = _describe_samples(is_inside, values, quantity.unit, rows, what)
+            flags.append(": ".join(filter(None, (text, far_texts.get(quantity)))))
     return valid, tuple(flags)
 
 
@@ -87,19 +87,19 @@ def describe_far_value(
         return ""
     name, unit = quantity.name.replace("_", " "), quantity.unit
     largest = max(map(abs, limits))
-    most = float(values[np.argmax(np.abs(values))])
-    if abs(most) > UNIT_ERROR_RATIO * largest > 0.0:
-        times = abs(most) / largest
-        text = f"{name} {most:g} {unit} is {times:.3g} times the largest {name} the model knows"
-        near = likely_unit(quantity, times)
-        return f"{text}; given in {near}?" if near else text
-    least = float(np.abs(values).min())
+    largest_value = float(values[np.argmax(np.abs(values))])
+    if abs(largest_value) > UNIT_ERROR_RATIO * largest > 0.0:
+        factor = abs(largest_value) / largest
+        text = f"{name} {largest_value:g} {unit} is {factor:.3g} times the largest {name} the model knows"
+        unit_guess = likely_unit(quantity, factor)
+        return f"{text}; given in {unit_guess}?" if unit_guess else text
+    smallest_value = float(np.abs(values).min())
     # Only a gap is never near zero by intention.
-    if quantity.name == "gap" and 0.0 < UNIT_ERROR_RATIO * least < min(limits):
-        times = min(limits) / least
+    if quantity.name == "gap" and 0.0 < UNIT_ERROR_RATIO * smallest_value < min(limits):
+        factor = min(limits) / smallest_value
         return (
-            f"{name} {least:g} {unit} is {times:.3g} times less than the smallest {name} the model "
-            f"knows; metres taken for {likely_unit(quantity, times) or 'another unit'}?"
+            f"{name} {smallest_value:g} {unit} is {factor:.3g} times less than the smallest {name} the model "
+            f"knows; metres taken for {likely_unit(quantity, factor) or 'another unit'}?"
         )
     return ""
 
@@ -107,9 +107,11 @@ def describe_far_value(
 def likely_unit(quantity: Quantity, times: float) -> str:
     """Name the thousandth or millionth of the SI unit that fits a factor; empty if none does."""
     dimension = QUANTITY_DIMENSIONS.get(quantity.name, quantity.name)
-    parts = (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02)
+    small_units = (
+        unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02
+    )
     nearest = min(
-        (unit for unit in parts if round(math.log10(unit.scale), 9) % 3.0 == 0.0),
+        (unit for unit in small_units if round(math.log10(unit.scale), 9) % 3.0 == 0.0),
         key=lambda unit: abs(math.log(unit.scale * times)),
         default=None,
     )

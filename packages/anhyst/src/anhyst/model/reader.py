@@ -78,13 +78,13 @@ class _Reader:
 
     def _cells(self, content: dict[str, Any]) -> CellWeights | None:
         """Read the table of cells ahead of the rest: it says which parameters are left."""
-        written = deepcopy(content.get("cells"))
-        if written is None:
+        table_text = deepcopy(content.get("cells"))
+        if table_text is None:
             return None
-        self._strip_units(written, ("cells",))
+        self._strip_units(table_text, ("cells",))
         self._stop_if_wrong()
         try:
-            table = schema.CellsTable.model_validate(written)
+            table = schema.CellsTable.model_validate(table_text)
         except ValidationError as error:
             self._collect(error, ("cells",))
             self._stop_if_wrong()
@@ -118,23 +118,25 @@ class _Reader:
             self.file.add_problem((key,), str(error), code="cells-out-of-range")
 
     def _quantity(self, content: dict[str, Any], key: str) -> Quantity | None:
-        written = content.get(key)
-        if written is None and key == "schedule":
+        quantity_table = content.get(key)
+        if quantity_table is None and key == "schedule":
             return None
-        if written is None:
+        if quantity_table is None:
             self.file.add_problem((key,), "is missing; add this table", code="missing")
             return None
-        if isinstance(written, dict):
-            written = {k: v for k, v in written.items() if k in schema.QuantityTable.model_fields}
+        if isinstance(quantity_table, dict):
+            quantity_table = {
+                k: v for k, v in quantity_table.items() if k in schema.QuantityTable.model_fields
+            }
         try:
-            table = schema.QuantityTable.model_validate(written)
+            table = schema.QuantityTable.model_validate(quantity_table)
         except ValidationError as error:
             self._collect(error, (key,))
             return None
         quantity = Quantity(table.quantity, table.symbol, table.unit)
-        usual = QUANTITIES.get(quantity.name)
+        known_quantity = QUANTITIES.get(quantity.name)
         unit = find_unit(quantity.unit)
-        symbol = usual.unit if usual else unit.si if unit else None
+        symbol = known_quantity.unit if known_quantity else unit.si if unit else None
         if symbol is None:
             text = f"unknown unit {quantity.unit!r}; write an SI unit"
             self.file.add_problem((key, "unit"), text, code="unknown-unit")
@@ -168,14 +170,14 @@ class _Reader:
         )
 
     def _advice(self, path: KeyPath, finding: Any) -> Advice:
-        plain = explain_finding(finding)
-        if plain.code != "extra-forbidden":
-            return plain
+        advice = explain_finding(finding)
+        if advice.code != "extra-forbidden":
+            return advice
         known = [key for _, key in self._names_in(path[:-1]).values()]
-        near = difflib.get_close_matches(str(path[-1]), known, n=1)
-        if not near:
-            return plain
-        return Advice(f"is unknown; did you mean {near[0]}?", code="extra-forbidden")
+        close_matches = difflib.get_close_matches(str(path[-1]), known, n=1)
+        if not close_matches:
+            return advice
+        return Advice(f"is unknown; did you mean {close_matches[0]}?", code="extra-forbidden")
 
     def _names_in(self, table: KeyPath) -> schema.Names:
         """Keys that carry units in a table; elements of an array of tables are alike."""
@@ -208,8 +210,8 @@ class _Reader:
         if "schedule" in content.get("valid", {}) and "schedule" not in content:
             text = "has a range of a scheduling variable that there is not"
             self.file.add_problem(("valid",), text, code="no-schedule")
-        if (unsure := content.get("uncertainty")) is not None:
-            self._check_lengths(unsure)
+        if (uncertainty := content.get("uncertainty")) is not None:
+            self._check_lengths(uncertainty)
 
     def _check_lengths(self, unsure: dict[str, Any]) -> None:
         count = len(unsure["names"])
@@ -232,13 +234,13 @@ class _Reader:
         schedule: Quantity | None,
         cells: CellWeights | None,
     ) -> Record:
-        late, layers, given = None, None, table.dynamics
+        dynamics, layers, given = None, None, table.dynamics
         with self._collecting("history"):
             history = History.parse(table.history)
         if given is not None:
             times, shares = tuple(given.creep_times), tuple(given.creep_shares)
             with self._collecting("dynamics"):
-                late = Dynamics(given.lag, times, shares, given.fastest)
+                dynamics = Dynamics(given.lag, times, shares, given.fastest)
         if table.layers is not None:
             with self._collecting("layers"):
                 layers = Layers(**dict(table.layers))
@@ -262,7 +264,7 @@ class _Reader:
             reduction=tuple(table.reduction),
             provenance=table.provenance,
             cells=cells,
-            dynamics=late,
+            dynamics=dynamics,
             layers=layers,
         )
         with self._collecting("parameters"):

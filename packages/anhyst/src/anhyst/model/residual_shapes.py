@@ -45,10 +45,10 @@ class Residual:
 
     def every_nth(self, step: int) -> Residual:
         """Take every so manieth sample."""
-        drive, measured, off = (
+        drive, measured, deviation = (
             each[::step] for each in (self.drive, self.measured, self.deviation)
         )
-        return Residual(drive, measured, off, self.gap, self.is_cycle)
+        return Residual(drive, measured, deviation, self.gap, self.is_cycle)
 
 
 def _branch_positions(record: Residual) -> FloatArray:
@@ -59,19 +59,19 @@ def _branch_positions(record: Residual) -> FloatArray:
     left of the first branch, from 1 to 0, and 0 after it.
     """
     drive = record.drive
-    parts = find_branches(drive)
-    rising, along, reach = np.ones(drive.size), np.zeros(drive.size), np.ones(drive.size)
-    for part in parts:
-        piece = drive[part.rows]
+    branch_list = find_branches(drive)
+    direction, position, half_span = np.ones(drive.size), np.zeros(drive.size), np.ones(drive.size)
+    for branch in branch_list:
+        piece = drive[branch.rows]
         half = max(0.5 * float(np.ptp(piece)), 1e-300)
-        rising[part.rows] = 1.0 if part.is_rising else -1.0
-        along[part.rows] = (piece - float(piece.min())) / half - 1.0
-        reach[part.rows] = half
-    ahead = np.zeros(drive.size)
-    if not record.is_cycle or len(parts) > 2:
-        first = parts[0].rows
-        ahead[first] = 0.5 * (1.0 - rising[first] * along[first])
-    return np.stack([rising, along, reach, ahead])
+        direction[branch.rows] = 1.0 if branch.is_rising else -1.0
+        position[branch.rows] = (piece - float(piece.min())) / half - 1.0
+        half_span[branch.rows] = half
+    first_branch_rest = np.zeros(drive.size)
+    if not record.is_cycle or len(branch_list) > 2:
+        first = branch_list[0].rows
+        first_branch_rest[first] = 0.5 * (1.0 - direction[first] * position[first])
+    return np.stack([direction, position, half_span, first_branch_rest])
 
 
 def shape_columns(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
@@ -80,7 +80,7 @@ def shape_columns(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
     Where a cause may act alike on all gaps or in proportion to their outputs, both are given. What
     differs from gap to gap, or from size to size, is that alone: without what is common to all.
     """
-    rising, along, reach, ahead = np.concatenate(
+    direction, position, half_span, first_branch_rest = np.concatenate(
         [_branch_positions(record) for record in records], axis=1
     )
     drive = np.concatenate([record.drive for record in records])
@@ -88,29 +88,31 @@ def shape_columns(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
     x = (drive - middle) / max(half, 1e-300)
     sizes = [record.drive.size for record in records]
     gap = np.repeat([record.gap for record in records], sizes)
-    span = np.zeros(int(gap.max()) + 1)
+    largest_outputs = np.zeros(int(gap.max()) + 1)
     for record in records:
-        span[record.gap] = max(span[record.gap], float(np.max(np.abs(record.measured))))
-    own = (span / max(float(span.max()), 1e-300))[gap][:, None]
-    scales: list[FloatArray | float] = [1.0, own] if span.size > 1 else [1.0]
+        largest_outputs[record.gap] = max(
+            largest_outputs[record.gap], float(np.max(np.abs(record.measured)))
+        )
+    relative_output = (largest_outputs / max(float(largest_outputs.max()), 1e-300))[gap][:, None]
+    scales: list[FloatArray | float] = [1.0, relative_output] if largest_outputs.size > 1 else [1.0]
     curve = legvander(x, _CURVE_DEGREE)
-    width = rising[:, None] * np.hstack([legvander(x, _WIDTH_DEGREE), legvander(along, 3)])
-    fading = ahead[:, None] ** np.array(_DECAY_POWERS)
+    width = direction[:, None] * np.hstack([legvander(x, _WIDTH_DEGREE), legvander(position, 3)])
+    start_columns = first_branch_rest[:, None] ** np.array(_DECAY_POWERS)
     common = np.hstack([curve, width])
-    within = np.concatenate([np.linspace(-1.0, 1.0, size) for size in sizes])
-    whole = np.linspace(-1.0, 1.0, sum(sizes))
+    record_time = np.concatenate([np.linspace(-1.0, 1.0, size) for size in sizes])
+    total_time = np.linspace(-1.0, 1.0, sum(sizes))
     shapes: dict[Shape, list[FloatArray]] = {
         "input": [np.asarray(scale * curve) for scale in scales],
         "direction": [np.asarray(scale * width) for scale in scales],
-        "drift": [np.asarray(way[:, None]) for way in (within, whole)[: len(sizes)]],
+        "drift": [np.asarray(time[:, None]) for time in (record_time, total_time)[: len(sizes)]],
     }
-    if np.any(ahead):
-        shapes["start"] = [scale * fading for scale in scales]
-    if span.size > 1:
+    if np.any(first_branch_rest):
+        shapes["start"] = [scale * start_columns for scale in scales]
+    if largest_outputs.size > 1:
         shapes["gap"] = [remove_explained(_columns_by_gap(records, gap, x), common)]
-    if np.ptp(reach) > 0.1 * float(reach.max()):
+    if np.ptp(half_span) > 0.1 * float(half_span.max()):
         shapes["amplitude"] = [
-            remove_explained(_columns_by_branch_size(reach, along, rising), common)
+            remove_explained(_columns_by_branch_size(half_span, position, direction), common)
         ]
     return shapes
 
@@ -137,20 +139,22 @@ def _columns_by_branch_size(
 def orthonormal_basis(columns: FloatArray) -> FloatArray:
     """Orthonormal columns that span the same; what is no direction of its own is left out."""
     sizes = np.sqrt(np.einsum("nk,nk->k", columns, columns))
-    kept = columns[:, sizes > 0.0] / sizes[sizes > 0.0]
-    strength, ways = np.linalg.eigh(kept.T @ kept)
-    good = strength > _MIN_INDEPENDENT_SHARE * strength.max(initial=1e-300)
-    return np.ascontiguousarray(kept @ (ways[:, good] / np.sqrt(strength[good])))
+    unit_columns = columns[:, sizes > 0.0] / sizes[sizes > 0.0]
+    strength, directions = np.linalg.eigh(unit_columns.T @ unit_columns)
+    is_independent = strength > _MIN_INDEPENDENT_SHARE * strength.max(initial=1e-300)
+    return np.ascontiguousarray(
+        unit_columns @ (directions[:, is_independent] / np.sqrt(strength[is_independent]))
+    )
 
 
 def remove_explained(columns: FloatArray, others: FloatArray) -> FloatArray:
     """Take off columns what others explain of them; those that are nothing but this are left out."""
     span = orthonormal_basis(others)
-    left = columns - span @ (span.T @ columns)
+    remaining = columns - span @ (span.T @ columns)
     before = np.einsum("nk,nk->k", columns, columns)
-    after = np.einsum("nk,nk->k", left, left)
-    kept: FloatArray = left[:, after > 1e-4 * before]
-    return kept
+    after = np.einsum("nk,nk->k", remaining, remaining)
+    result: FloatArray = remaining[:, after > 1e-4 * before]
+    return result
 
 
 _MAX_CHANCE_PROBABILITY = 1e-3

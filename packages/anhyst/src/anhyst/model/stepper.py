@@ -51,8 +51,8 @@ class Stepper:
         self._schedule = schedule = model.schedule_or_default(schedule)
         warn_if_far(model, model.input, np.zeros(1), self._schedule)
         self._iron = model.iron_at(self._schedule)
-        past = as_history(history, model)
-        if past.kind == "settled":
+        history_before = as_history(history, model)
+        if history_before.kind == "settled":
             if model.valid is None:
                 raise InputError(
                     "a stepper cannot start settled: the model has no valid range of the input to "
@@ -65,13 +65,13 @@ class Stepper:
             cycle = [low, high, low]
             self._state = run_record(model, "drive", cycle, schedule, slow, "settled").state
         else:
-            self._state = initial_state(model, self._iron, past, self._schedule)
+            self._state = initial_state(model, self._iron, history_before, self._schedule)
         self._output: float | None = None
         # schedule, step and whether it had begun, and the circuit there: that of the last step
         self._circuit_cache: tuple[float, float | None, bool, Circuit] | None = None
-        late = model.dynamics
-        self._dynamics = late if late is not None and late.times else None
-        self._flux = self._flux_at_rest(past)
+        dynamics = model.dynamics
+        self._dynamics = dynamics if dynamics is not None and dynamics.times else None
+        self._flux = self._flux_at_rest(history_before)
         self._slow_parts = np.full(len(self._dynamics.times) if self._dynamics else 0, self._flux)
 
     def _flux_at_rest(self, past: History) -> float:

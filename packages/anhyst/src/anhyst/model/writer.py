@@ -97,8 +97,8 @@ def write_model(model: ModelData, path: PathLike) -> None:
 def model_text(model: ModelData) -> str:
     """Return the text of the model file."""
     names = schema.section_names(model.operator_law, model.input, model.output, model.schedule)
-    known = " or ".join(f'"{law}"' for law in LAWS)
-    text = f"The hysteresis law, {known}. The parameters mean nothing under another one."
+    law_names = " or ".join(f'"{law}"' for law in LAWS)
+    text = f"The hysteresis law, {law_names}. The parameters mean nothing under another one."
     lines = textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="# ")
     table: dict[str, object] = {}
     sections = [
@@ -112,15 +112,15 @@ def model_text(model: ModelData) -> str:
         "\n[parameters]" + PARAMETERS_HEAD + _parameters(model),
         _cells(model.cells) if model.cells else "",
     ]
-    if late := model.dynamics:
-        times, shares = list(map(float, late.times)), list(map(float, late.shares))
-        table = {"lag_s": float(late.lag), "creep_times_s": times, "creep_shares": shares}
+    if dynamics := model.dynamics:
+        times, shares = list(map(float, dynamics.times)), list(map(float, dynamics.shares))
+        table = {"lag_s": float(dynamics.lag), "creep_times_s": times, "creep_shares": shares}
         sections.append(
-            f"{DYNAMICS}[dynamics]\n" + _keys(table | {"fastest_Hz": float(late.fastest)})
+            f"{DYNAMICS}[dynamics]\n" + _keys(table | {"fastest_Hz": float(dynamics.fastest)})
         )
-    if cut := model.layers:
-        surface, laminated = float(cut.surface), float(cut.laminated)
-        table = {"count": cut.count, "surface": surface, "laminated": laminated}
+    if layers := model.layers:
+        surface, laminated = float(layers.surface), float(layers.laminated)
+        table = {"count": layers.count, "surface": surface, "laminated": laminated}
         sections.append(f"{LAYERS}[layers]\n" + _keys(table))
     if model.valid:
         sections.append(f"{VALID}[valid]\n" + _record(model.valid, names["valid",]))
@@ -131,12 +131,12 @@ def model_text(model: ModelData) -> str:
     if model.reduction:
         sections.append("\n# Reduction: in each round the parameter whose freezing cost least.\n")
     sections += ["\n[[reduction]]\n" + _record(step) for step in model.reduction]
-    if (origin := model.provenance) != schema.Provenance():
-        table = {"version": origin.version, "seed": origin.seed}
+    if (provenance := model.provenance) != schema.Provenance():
+        table = {"version": provenance.version, "seed": provenance.seed}
         sections.append("\n# Where the model came from.\n[provenance]\n" + _keys(table))
-        if origin.settings:
-            sections.append("\n[provenance.settings]\n" + _keys(origin.settings))
-        for source in origin.sources:
+        if provenance.settings:
+            sections.append("\n[provenance.settings]\n" + _keys(provenance.settings))
+        for source in provenance.sources:
             table = {"path": source.path, "sha256": source.sha256}
             table["columns"] = dict(source.columns) or None
             sections.append("\n[[provenance.source]]\n" + _keys(table))
