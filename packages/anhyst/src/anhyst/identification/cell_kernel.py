@@ -134,7 +134,8 @@ SCALE_NAMES = (
 LAW_BY_SHAPE: Mapping[Shape, str] = {"tanh": "play-cells", "langevin": "play-cells-langevin"}
 """Law of play cells that follow a curve."""
 
-ADDED_WIDTH_RATIOS, FURTHER_WIDTH_RATIO = (0.6, 1.8), 2.0
+ADDED_WIDTH_RATIOS = (0.6, 1.8)
+FURTHER_WIDTH_RATIO = 2.0
 """Further widths of cells by their weights: over that of the first population, and of the others."""
 
 _WEIGHT_STD_SHARE = (

@@ -43,7 +43,9 @@ from anhyst.laws.cells import Shape
 from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
 
-_SCREENING_SAMPLES, COARSE_SAMPLES, FINE_SAMPLES = 16, 40, 100
+_SCREENING_SAMPLES = 16
+COARSE_SAMPLES = 40
+FINE_SAMPLES = 100
 """Samples of a loop on which starts are compared, on which they descend, and on which the last ones
 come to their end, at most."""
 
@@ -52,17 +54,16 @@ _SEARCH_TABLE_ERROR = (
 )
 _STARTS_PER_ROUND = 48  # starts drawn at a time
 _MAX_ROUNDS = 2  # times that starts are drawn, at most
-_MAX_SHORT_DESCENTS, _MAX_LONG_DESCENTS, _MAX_FINAL_DESCENTS = (
-    12,
-    4,
-    2,
-)  # starts that descend a little, further, and to their end
+_MAX_SHORT_DESCENTS = 12
+_MAX_LONG_DESCENTS = 4
+_MAX_FINAL_DESCENTS = 2  # starts that descend a little, further, and to their end
 _MAX_WEIGHT_STEPS = 8  # steps in which every weight moves by itself, at most
 
 _FINAL_STOP = (1e-5, 60)
 """Gain of a step, in parts of the cost, with which a descent has come to its end, and steps at most."""
 
-_DEFAULT_SCHEDULE, _PATIENT_SCHEDULE = ((6, 20), _FINAL_STOP), ((15, 40), (1e-7, 200))
+_DEFAULT_SCHEDULE = ((6, 20), _FINAL_STOP)
+_PATIENT_SCHEDULE = ((15, 40), (1e-7, 200))
 """Steps from one sieve to the next, and the end; those of few loops that leave more than noise."""
 
 _MAX_FEW_LOOPS = 2
@@ -103,10 +104,12 @@ _REMOVED_OFFSET_COST_RATIO = 1.2
 _MAX_CURVE_COST_RATIO = 4.0
 """Cost over that of the other curve, with as many populations, up to which one more is tried."""
 
-_ADDED_WIDTH_RATIOS, _ADDED_PINNING_RATIOS = (0.3, 0.6, 1.0, 2.0, 5.0), (0.1, 0.3, 1.0, 3.0)
+_ADDED_WIDTH_RATIOS = (0.3, 0.6, 1.0, 2.0, 5.0)
+_ADDED_PINNING_RATIOS = (0.1, 0.3, 1.0, 3.0)
 """Widths and pinnings of a further population that are weighed by the residual, of the first's."""
 
-_PROBE_SHARE, _START_SHARE_RANGE = 0.03, (0.05, 1.0)
+_PROBE_SHARE = 0.03
+_START_SHARE_RANGE = (0.05, 1.0)
 """Share of a further population by which its effect is computed; and with which it starts."""
 
 _MAX_SUGGESTIONS = 8  # further populations that are tried after one fit

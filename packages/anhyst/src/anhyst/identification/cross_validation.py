@@ -49,8 +49,10 @@ _NEGLIGIBLE_SQUARE = (
 )
 FOLD_SAMPLES = 160  # samples of a loop that a fit without some of the gaps looks at, at most
 
-_TOLERANCE, _MAX_STEPS = 1e-5, 25
-_CELL_TOLERANCE, _MAX_CELL_STEPS = 1e-4, 8
+_TOLERANCE = 1e-5
+_MAX_STEPS = 25
+_CELL_TOLERANCE = 1e-4
+_MAX_CELL_STEPS = 8
 """The same for play cells: of many numbers, the last digits of some say nothing."""
 
 PRIOR_LOG_STD = 0.35

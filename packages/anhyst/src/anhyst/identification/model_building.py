@@ -218,10 +218,8 @@ DEAD_BAND_RATIOS = (0.35, 0.2, 0.1, 0.05, 0.02)
 """Half-widths that are tried, in parts of the pinning k, the widest first."""
 
 MAX_DEVIATION_RATIO = 1.03  # factor by which the deviation from the loops may grow
-_DEAD_BAND_TOLERANCE, _MAX_DEAD_BAND_STEPS = (
-    1e-8,
-    40,
-)  # of the fit with a dead band: it starts near its end
+_DEAD_BAND_TOLERANCE = 1e-8
+_MAX_DEAD_BAND_STEPS = 40  # of the fit with a dead band: it starts near its end
 
 
 def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:

@@ -128,7 +128,8 @@ class EvolutionStrategy:
         self._x = reflected(self._x + steps, self._low, self._high)
 
 
-_PARENTS, _CHILDREN = 30, 210
+_PARENTS = 30
+_CHILDREN = 210
 _EVOLUTION_SAMPLES = 64
 _SIMPLEX_SAMPLES = 128
 """Samples a loop, at most."""

@@ -30,7 +30,8 @@ MAX_ERROR_RATIO = 0.9
 
 MAX_SAMPLES_PER_LOOP = 120  # of a loop, that are fitted, at most
 
-CYCLE_TOLERANCE, MAX_CYCLES = 1e-6, 40
+CYCLE_TOLERANCE = 1e-6
+MAX_CYCLES = 40
 """A cycle is closed for a fit when its state returns this well, in parts of the law's scale."""
 
 GAMMA_START_RATIOS = np.geomspace(0.003, 3.0, 8)

@@ -264,7 +264,8 @@ _SHARE_RANGE = (0.1, 1.5)
 _WIDTH_RANGE = (0.2, 8.0)
 """Share and width of a further population, of the first."""
 
-_IRON_DRIVE_SHARE_WITH_GAP, _IRON_DRIVE_SHARE_WITHOUT_GAP = (0.02, 0.9), (0.3, 4.0)
+_IRON_DRIVE_SHARE_WITH_GAP = (0.02, 0.9)
+_IRON_DRIVE_SHARE_WITHOUT_GAP = (0.3, 4.0)
 """Part of the drive that the iron takes behind a gap; and without one, where interaction of the iron
 may add to the drive."""
 

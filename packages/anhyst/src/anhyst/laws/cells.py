@@ -28,7 +28,8 @@ SHAPES: tuple[Shape, ...] = ("tanh", "langevin")
 
 PINNED_CELLS = 12  # cells with a threshold that populations are cut into
 
-MIN_THRESHOLD_RATIO, MAX_THRESHOLD_RATIO = 0.2, 2.0
+MIN_THRESHOLD_RATIO = 0.2
+MAX_THRESHOLD_RATIO = 2.0
 """First and last threshold, in parts of the smallest and of the largest pinning scale."""
 
 MAX_CELLS = 64  # as many as the core takes, the one without threshold included

@@ -15,7 +15,8 @@ from scipy.optimize import brentq
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
-_OK, _NOT_SETTLED = 0, -6
+_OK = 0
+_NOT_SETTLED = -6
 _ROUNDING = 1e-12
 
 State = tuple[float, ...]

@@ -41,7 +41,8 @@ from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
 
-MAX_CACHED_SAMPLES, MAX_CACHED_ROWS = 1 << 13, 32
+MAX_CACHED_SAMPLES = 1 << 13
+MAX_CACHED_ROWS = 32
 """Samples of a row of the scheduling variable, and how many of them, whose look-up is kept."""
 
 MAX_COMPILED_LAYERS = 4

@@ -21,7 +21,8 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.wording import count_text
 
 OK = 0
-NOT_CONVERGED, NOT_SETTLED = -5, -6  # the work was done and there is no answer
+NOT_CONVERGED = -5
+NOT_SETTLED = -6  # the work was done and there is no answer
 
 MIN_RUN_SAMPLES = 8
 """A scheduling variable that rests for fewer samples than this is moving, not stepping."""

@@ -51,7 +51,9 @@ _MAX_LAG_SAMPLES = 4
 """Samples before one, with which it may go."""
 _MAX_WHITE_SIGMAS = 3.1
 """Standard deviations by which white noise may go with what was before it, or keep its sign."""
-_MAX_RECORD_SAMPLES, _MAX_TOTAL_SAMPLES, _MIN_RECORD_SAMPLES = 300, 1500, 40
+_MAX_RECORD_SAMPLES = 300
+_MAX_TOTAL_SAMPLES = 1500
+_MIN_RECORD_SAMPLES = 40
 """Samples of a record, and of all, that are looked at for shapes, at most; but so many of each."""
 _MAX_NOISE_RATIO = 6.0
 """Smooth deviations this many times the noise of the record are no filtered noise."""

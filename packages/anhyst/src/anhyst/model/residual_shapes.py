@@ -195,36 +195,41 @@ def estimate_coloured_noise(
 ) -> ColouredNoise:
     """Estimate the noise from what orthonormal shapes do not explain."""
     lengths = tuple(sizes)
-    left = deviation - shapes @ (shapes.T @ deviation)
-    power = max(float(left @ left), 1e-300)
-    seen = float(left @ _mean_of_neighbours(left, lengths)) / power
+    remaining = deviation - shapes @ (shapes.T @ deviation)
+    power = max(float(remaining @ remaining), 1e-300)
+    seen_correlation = float(remaining @ _mean_of_neighbours(remaining, lengths)) / power
     shifted = _mean_of_neighbours(shapes, lengths)
     # Products by einsum, on one thread: a library would wait for its others.
     within = np.einsum("nk,nl->kl", shapes, shifted)
 
-    def remainder(with_last: float) -> tuple[float, float]:
+    def expected_sums(correlation: float) -> tuple[float, float]:
         """Return the sums of squares, and of products with the sample before, that are left."""
-        smooth = _apply_correlation(shapes, with_last, lengths)
-        inside = np.einsum("nk,nl->kl", shapes, smooth)
-        together = (
-            with_last * (deviation.size - len(lengths))
+        smooth = _apply_correlation(shapes, correlation, lengths)
+        projected = np.einsum("nk,nl->kl", shapes, smooth)
+        product_sum = (
+            correlation * (deviation.size - len(lengths))
             - 2.0 * float(np.einsum("nk,nk->", shifted, smooth))
-            + float(np.einsum("kl,kl->", within, inside))
+            + float(np.einsum("kl,kl->", within, projected))
         )
-        return deviation.size - float(np.trace(inside)), together
+        return deviation.size - float(np.trace(projected)), product_sum
 
-    expected = [remainder(at) for at in _CORRELATION_GRID]
-    ratio = np.maximum.accumulate([together / whole for whole, together in expected])
-    with_last = float(np.interp(seen, ratio, _CORRELATION_GRID))
-    free = max(deviation.size - shapes.shape[1], 2)
+    expected = [expected_sums(at) for at in _CORRELATION_GRID]
+    ratio = np.maximum.accumulate(
+        [product_sum / expected_power for expected_power, product_sum in expected]
+    )
+    correlation = float(np.interp(seen_correlation, ratio, _CORRELATION_GRID))
+    degrees_of_freedom = max(deviation.size - shapes.shape[1], 2)
     # Unsure by as much as a correlation is, but for what may as well be white.
-    error = float(np.sqrt((1.0 - with_last**2) / free))
-    unsure = min(max(with_last / error - _FREE_SIGMAS, 0.0), _MAX_ADDED_SIGMAS)
-    with_last = min(with_last + unsure * error, float(_CORRELATION_GRID[-1]))
-    whole, _ = remainder(with_last)
-    slower = (1.0 - with_last**2) / (1.0 + with_last**2)
+    error = float(np.sqrt((1.0 - correlation**2) / degrees_of_freedom))
+    added_sigmas = min(max(correlation / error - _FREE_SIGMAS, 0.0), _MAX_ADDED_SIGMAS)
+    correlation = min(correlation + added_sigmas * error, float(_CORRELATION_GRID[-1]))
+    expected_power, _ = expected_sums(correlation)
+    independence = (1.0 - correlation**2) / (1.0 + correlation**2)
     return ColouredNoise(
-        lengths, power / whole, with_last, max(free * slower, _MIN_DEGREES_OF_FREEDOM)
+        lengths,
+        power / expected_power,
+        correlation,
+        max(degrees_of_freedom * independence, _MIN_DEGREES_OF_FREEDOM),
     )
 
 
