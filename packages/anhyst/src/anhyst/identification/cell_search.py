@@ -1,10 +1,11 @@
-"""The search for play cells: many starts in scaled units, population by population.
+"""Search the parameters of play cells from many starts, with one, two and three populations.
 
-Starts are drawn over what a loop can show (:mod:`.cell_starts`); what a fit of a law of Jiles and
-Atherton suggests is one more. All are compared on few samples, the better ones descend a few steps,
-the best of these more, and the last two to their end. Where those do not agree and leave more than
-noise, more starts are drawn. A further population starts where it promises most, by the residual of
-the fit without it; where none of these gains, it splits off the first.
+The starts cover the range of normalised parameters that loops can show (:mod:`.screening`). The
+Jiles-Atherton fit adds a few starts. All starts are compared on few samples. The better ones
+descend for a few steps, the best of these for more steps, and the last two to convergence. If the
+two final fits disagree and exceed the noise, more starts are tried. A further population starts
+where the residual of the smaller fit predicts the largest gain. If no such start helps, the first
+population is split.
 """
 
 from __future__ import annotations
@@ -46,82 +47,88 @@ from anhyst.support.numeric import FloatArray
 _SCREENING_SAMPLES = 16
 COARSE_SAMPLES = 40
 FINE_SAMPLES = 100
-"""Samples of a loop on which starts are compared, on which they descend, and on which the last ones
-come to their end, at most."""
+"""Maximum number of samples per loop for comparing starts, for the descents, and for the final
+fits."""
 
-_SEARCH_TABLE_ERROR = (
-    1e-8  # error of the tables that fits are compared with, in parts of the saturation
-)
-_STARTS_PER_ROUND = 48  # starts drawn at a time
-_MAX_ROUNDS = 2  # times that starts are drawn, at most
+_SEARCH_TABLE_ERROR = 1e-8
+"""Error of the cell tables during the search, as a share of the saturation."""
+_STARTS_PER_ROUND = 48  # random starts of one round
+_MAX_ROUNDS = 2  # rounds of random starts
 _MAX_SHORT_DESCENTS = 12
 _MAX_LONG_DESCENTS = 4
-_MAX_FINAL_DESCENTS = 2  # starts that descend a little, further, and to their end
-_MAX_WEIGHT_STEPS = 8  # steps in which every weight moves by itself, at most
+_MAX_FINAL_DESCENTS = 2  # starts that descend for a few steps, for more, and to the end
+_MAX_WEIGHT_STEPS = 8  # steps of the fit of individual weights
 
 _FINAL_STOP = (1e-5, 60)
-"""Gain of a step, in parts of the cost, with which a descent has come to its end, and steps at most."""
+"""Relative cost reduction of a step below which a descent has converged, and maximum number of
+steps."""
 
 _DEFAULT_SCHEDULE = ((6, 20), _FINAL_STOP)
 _PATIENT_SCHEDULE = ((15, 40), (1e-7, 200))
-"""Steps from one sieve to the next, and the end; those of few loops that leave more than noise."""
+"""Steps of the short and of the long descents, then tolerance and steps of the final ones.
+
+The patient schedule is used if there are few loops and the residual exceeds the noise.
+"""
 
 _MAX_FEW_LOOPS = 2
-"""Loops that are few: what they leave open is long flat valleys, where descents seem to have ended."""
+"""Number of loops up to which a long flat valley can look like convergence."""
 
-_PATIENT_COST_RATIO = 0.8  # cost over that of ends that agree, from which on those were none
-_AGREEMENT_COST_RATIO = 1.1  # cost over the least one up to which an end agrees with the best
+_PATIENT_COST_RATIO = 0.8
+"""Cost relative to the default schedule below which the result of the patient schedule is used."""
+_AGREEMENT_COST_RATIO = 1.1
+"""Ratio of the costs of two final fits below which they agree."""
 
 _EQUAL_START_DISTANCE = 0.02
-"""Distance of two ends, in any coordinate, from which on they are not on their way to the same."""
+"""Largest difference of any coordinate at which two descents are treated as the same."""
 
-_HOPELESS_COST_RATIO = (
-    2.0  # cost over the least one so far that a further descent must be able to come below
-)
+_HOPELESS_COST_RATIO = 2.0
+"""Multiple of the lowest cost that a descent must be able to reach; otherwise it is abandoned."""
 
 _THRESHOLD_TO_PINNING_RATIOS = (1.0, 0.4)
-"""Thresholds over the pinning ``k`` of a law of Jiles and Atherton."""
+"""Threshold scales of starts, relative to the pinning ``k`` of the Jiles-Atherton fit."""
 
 _MAX_PINNING_TO_WIDTH = 10.0
-"""Pinning over width of the curve beyond which a law of Jiles and Atherton hardly moves at all: that
-its loops are narrow, and nothing of thresholds."""
+"""Ratio ``k/a`` above which the irreversible part of a Jiles-Atherton law barely moves. Its ``k``
+then shows that the loops are narrow, but not the thresholds."""
 
 _NARROW_LOOP_LAW = (0.25, 8.0, 0.1, 2.0)
-"""Share and width of the reversible part, pinning and spread of cells with narrow loops."""
+"""Cells with narrow loops: share and width of the reversible part, pinning and spread."""
 
 _WIDTHS_WITH_LANGEVIN_SLOPE = {"langevin": 1.0, "tanh": 3.0}
-"""Width of each curve that has the slope of Langevin's of width 1 at its middle."""
+"""Width of each curve with the same initial slope as a Langevin curve of width 1."""
 
 _MAX_START_INTERACTION = 0.8
-"""Interaction to begin with, in parts of that at which the magnetisation would jump."""
+"""Largest interaction of a start, as a share of the interaction at which the magnetisation jumps.
+"""
 
 _ADDED_POPULATION_COST_RATIO = 0.98
-"""Cost, in parts of that with a population less, from which on a further one says nothing."""
+"""Cost relative to one population less, above which the added population is discarded."""
 
 _REMOVED_OFFSET_COST_RATIO = 1.2
-"""Cost without offsets over that with them, from which on another valley may suit better."""
+"""Cost ratio above which a fit without offsets is searched again, because another minimum may be
+better."""
 
 _MAX_CURVE_COST_RATIO = 4.0
-"""Cost over that of the other curve, with as many populations, up to which one more is tried."""
+"""Cost relative to the other curve, above which a curve is not tried with more populations."""
 
 _ADDED_WIDTH_RATIOS = (0.3, 0.6, 1.0, 2.0, 5.0)
 _ADDED_PINNING_RATIOS = (0.1, 0.3, 1.0, 3.0)
-"""Widths and pinnings of a further population that are weighed by the residual, of the first's."""
+"""Widths and pinnings that are tried for an added population, relative to the first population."""
 
 _PROBE_SHARE = 0.03
 _START_SHARE_RANGE = (0.05, 1.0)
-"""Share of a further population by which its effect is computed; and with which it starts."""
+"""Share of an added population for estimating its effect, and range of the share at its start."""
 
-_MAX_SUGGESTIONS = 8  # further populations that are tried after one fit
+_MAX_SUGGESTIONS = 8  # starts of an added population for each smaller fit
 
 _SPLIT_WIDTH_RATIOS = (0.6, 1.0)
-"""Widths of a population that splits off another: nothing is gained to first order, so the residual
-says nothing of it."""
+"""Width ratios of a population that is split off the first. The split has no first-order effect on
+the cost, so the residual cannot suggest it."""
 
 
 @dataclass(frozen=True, eq=False)
 class _SampleLevels:
-    """One problem on few, more and all samples that a search looks at."""
+    """The same least-squares problem on few, more and all samples of a search."""
 
     rough: CoordinateSpace
     coarse: CoordinateSpace
@@ -130,7 +137,7 @@ class _SampleLevels:
 
     @property
     def kernel(self) -> CellKernel:
-        """The cells that are fitted."""
+        """The play cells that are fitted."""
         kernel = self.fine.form.cells
         assert isinstance(kernel, CellKernel)
         return kernel
@@ -141,9 +148,9 @@ class _SampleLevels:
         max_long: int = _MAX_LONG_DESCENTS,
         schedule: tuple[tuple[int, int], tuple[float, int]] = _DEFAULT_SCHEDULE,
     ) -> list[FoundModel]:
-        """Descend from starts, fewer and fewer of them; best first.
+        """Descend from many starts with fewer and fewer of them; return the final fits, best first.
 
-        What at its pace does not come near the least cost so far, ends early.
+        A descent ends early if, at its present rate, it cannot come close to the lowest cost.
         """
         objective = Objective(self.rough, self.smoothness)
         (short, long), final_stop = schedule
@@ -186,7 +193,7 @@ def _cost_at(objective: Objective, theta: FloatArray) -> float:
 
 @dataclass(frozen=True, eq=False)
 class CellSearch:
-    """A search for play cells, and what it starts from."""
+    """Search of play cells for all curves and population counts, from a fit without cells."""
 
     base: FoundModel  # fit of a law without cells
     records: FitRecords
@@ -196,7 +203,7 @@ class CellSearch:
     drop: Callable[[ModelCandidate, Exception], None]
 
     def fit_candidates(self, candidates: Sequence[ModelCandidate]) -> dict[ModelCandidate, Fits]:
-        """Fit play cells of every curve, until a population more gains next to nothing."""
+        """Fit play cells of every curve; stop adding populations when they do not help."""
         found: dict[ModelCandidate, Fits] = {}
         previous_fits: dict[Shape, list[FoundModel]] = {}
         shapes = {candidate.cells.shape for candidate in candidates if candidate.cells}
@@ -239,7 +246,7 @@ class CellSearch:
     def _fit_candidate(
         self, levels: _SampleLevels, smaller_fits: list[FoundModel]
     ) -> list[FoundModel]:
-        """Fit play cells from what is known: those with a population less, or a law without cells."""
+        """Fit one candidate from smaller fits or, if there are none, from a fit without cells."""
         starts = (
             _suggest_population_starts(levels, smaller_fits)
             if smaller_fits
@@ -258,7 +265,7 @@ class CellSearch:
             ]
             fits = _keep_best([*fits, *levels.descend(split_starts, len(split_starts))])
         if not smaller_fits and not self.is_usable(fits[0]):
-            # Follow what begins near Jiles and Atherton to its own end, where that may be chosen.
+            # Also descend from the Jiles-Atherton starts: their fits may be usable.
             followed = [
                 descend_from(levels.fine, theta, *_FINAL_STOP, levels.smoothness)
                 for theta in starts
@@ -270,7 +277,7 @@ class CellSearch:
     def _remove_offsets(
         self, candidate: ModelCandidate, final_fits: Sequence[FoundModel]
     ) -> FoundModel:
-        """Leave out offsets that the loops do not demand; where that is dear, search without them."""
+        """Remove offsets that the data do not require; search again without them if this is costly."""
         fit = remove_unneeded_offsets(final_fits[0], *_FINAL_STOP)
         if fit.cost <= _REMOVED_OFFSET_COST_RATIO * final_fits[0].cost:
             return fit
@@ -294,11 +301,11 @@ class CellSearch:
     def _search_starts(
         self, levels: _SampleLevels, given_starts: list[FloatArray]
     ) -> list[FoundModel]:
-        """Draw starts until the last ends agree, or leave nothing.
+        """Search from random and given starts until the final fits agree or are within the noise.
 
-        Of few loops ends agree on the flat, so what leaves more than noise is followed further from
-        all starts; an end that leaves little less is another by chance, and foresees other runs no
-        better.
+        With few loops, agreement is not evidence, because flat valleys are long. If the residual
+        exceeds the noise, all starts then descend with the patient schedule. A slightly better
+        result of it is ignored: it differs by chance and does not predict other runs better.
         """
         kernel, fits, tried_starts = levels.kernel, list[FoundModel](), list[FloatArray]()
         draw_count = _STARTS_PER_ROUND if kernel.population_count < 3 else 0
@@ -328,7 +335,7 @@ class CellSearch:
 
 
 def use_exact_tables(fit: FoundModel) -> FoundModel:
-    """Take the tables that a model is computed with."""
+    """Return the fit with cell tables of full accuracy, as the model uses them."""
     form = fit.space.form
     if not isinstance(form.cells, CellKernel):
         return fit
@@ -341,7 +348,7 @@ def _keep_best(fits: Iterable[FoundModel]) -> list[FoundModel]:
 
 
 def _starts_from_jiles_atherton(levels: _SampleLevels, base: FoundModel) -> list[FloatArray]:
-    """Make cells of a fit of a law of Jiles and Atherton, in a few ways."""
+    """Make start coordinates of play cells from a Jiles-Atherton fit, in a few variants."""
     width_ratio, slope = (
         _WIDTHS_WITH_LANGEVIN_SLOPE[levels.kernel.shape],
         CURVE_SLOPES[levels.kernel.shape],
@@ -368,7 +375,7 @@ def _starts_from_jiles_atherton(levels: _SampleLevels, base: FoundModel) -> list
 
 
 def _make_narrow_cells(parameter_set: ParameterSet, power: int, width_ratio: float) -> ParameterSet:
-    """Make cells with narrow loops instead; the initial slope stays as it is."""
+    """Convert a Jiles-Atherton parameter set to cells with narrow loops and the same initial slope."""
     total_slope = 1.0 + _NARROW_LOOP_LAW[0] / _NARROW_LOOP_LAW[1]
     return replace(
         parameter_set,
@@ -387,10 +394,9 @@ def _make_cells(
     pinning_ratio: float,
     kept_interaction: float,
 ) -> ParameterSet:
-    """Make cells of a set of a law of Jiles and Atherton; its initial slope stays as it is.
+    """Convert a Jiles-Atherton parameter set to cells with the same initial slope.
 
-    Of an interaction that makes a curve steeper a part may be kept; without it the curve is steeper
-    by itself.
+    Negative interaction makes a curve steeper. It is kept, or replaced by a steeper curve.
     """
     reversible = parameter_set.c + 0.05
     omega = parameter_set.omega / width_ratio
@@ -417,10 +423,10 @@ def _make_cells(
 def _suggest_population_starts(
     levels: _SampleLevels, smaller_fits: Sequence[FoundModel]
 ) -> list[FloatArray]:
-    """Add a population to fits, where each would take most off what is left."""
+    """Make starts with one more population, where the residual predicts the largest gain."""
     suggestions = []
     objective = Objective(levels.coarse, levels.smoothness)
-    for fit in dict.fromkeys(smaller_fits):  # ends may have joined
+    for fit in dict.fromkeys(smaller_fits):  # some fits may be equal
         rated_starts = [
             _rate_added_population(objective, fit, ratios)
             for ratios in product(_ADDED_WIDTH_RATIOS, _ADDED_PINNING_RATIOS)
@@ -433,9 +439,9 @@ def _suggest_population_starts(
 def _rate_added_population(
     objective: Objective, fit: FoundModel, width_and_pinning: tuple[float, float]
 ) -> tuple[float, FloatArray]:
-    """Foresee what a population gains, to first order: how much, and the start with its share.
+    """Return the first-order gain of an added population, and a start with its best share.
 
-    All other numbers may move with it, so what they explain by themselves counts for nothing.
+    All other parameters are re-optimised, so a gain that they can provide does not count.
     """
     power, space = fit.space.form.power, objective.space
 
@@ -453,7 +459,7 @@ def _rate_added_population(
     except NoResponseError:
         return -np.inf, theta
     share_name = f"share_{len(fit.parameter_sets[0].law) // 4 + 1}"
-    # Of a gap map that leaves everything free there is one a gap; they rise together.
+    # With the map ``free``, each gap has its own share. All of them change together.
     is_share = np.array([name.partition("[")[0] == share_name for name in space.names])
     is_other = ~is_share
     other_normal = normal[np.ix_(is_other, is_other)]
@@ -464,7 +470,7 @@ def _rate_added_population(
     absorbed = np.linalg.solve(other_normal, np.stack([coupling, gradient[is_other]], axis=1))
     curvature = normal[np.ix_(is_share, is_share)].sum() - coupling @ absorbed[:, 0]
     reduced_gradient = gradient[is_share].sum() - coupling @ absorbed[:, 1]
-    step = -reduced_gradient / max(curvature, 1e-30)  # of the logarithm, at this small share
+    step = -reduced_gradient / max(curvature, 1e-30)  # change of the logarithm of the share
     gain = max(step, 0.0) * -reduced_gradient
     return gain, make_start(float(np.clip(_PROBE_SHARE * (1.0 + step), *_START_SHARE_RANGE)))
 
@@ -472,7 +478,7 @@ def _rate_added_population(
 def _add_population(
     parameter_set: ParameterSet, power: int, share_width_pinning: tuple[float, float, float]
 ) -> ParameterSet:
-    """Add a population; the initial slope stays as it is."""
+    """Return a parameter set with one more population and the same initial slope."""
     share, width, pinning = share_width_pinning
     total_slope = 1.0 + share / width
     share_0, width_0, pinning_1, spread_1, *others = parameter_set.law
@@ -489,7 +495,7 @@ def _add_population(
 
 
 def fit_under_map(fit: FoundModel, candidate: ModelCandidate, records: FitRecords) -> Fits:
-    """Fit the same cells under another gap map, from where they are."""
+    """Fit the same cells under another gap map, starting from their present parameters."""
     space = CoordinateSpace(
         candidate.gap_map,
         records.thinned(FINE_SAMPLES),
@@ -503,7 +509,7 @@ def fit_under_map(fit: FoundModel, candidate: ModelCandidate, records: FitRecord
 
 
 def fit_cell_weights(fit: FoundModel, records: FitRecords) -> Fits:
-    """Let every weight of the cells of a fit move by itself, near to where it is."""
+    """Fit every weight of the cells individually, with a prior at its present value."""
     form = fit.space.form
     assert isinstance(form.cells, CellKernel)
     kernel = make_weight_kernel(form.cells, fit.parameter_sets[0].law)

@@ -1,4 +1,10 @@
-"""Which law and gap map: those that a controller can use, and that predict what was left out."""
+"""Select the law and the gap map that predict withheld data best and that a controller can use.
+
+The reference gap is fitted first. Then each gap map is fitted to all gaps, and again without each
+inner gap. If the residual exceeds the noise, play cells are fitted and compared too. Candidates
+that cannot be compiled, fail the acceptance test or overfit between gaps are excluded, if others
+remain.
+"""
 
 from __future__ import annotations
 
@@ -77,23 +83,25 @@ from anhyst.model.residual_analysis import NEGLIGIBLE_DEVIATION
 from anhyst.model.schema import CandidateFit, CrossValidation
 from anhyst.support.errors import InputError
 
-MIN_SAMPLES_PER_PARAMETER = (
-    5  # samples for each quantity that is fitted, at least: with fewer a fit proves nothing
-)
+MIN_SAMPLES_PER_PARAMETER = 5
+"""Minimum number of samples per fitted parameter. With fewer, a good fit is not evidence."""
 
 _MAX_DRIFT_RMS = 0.04
-"""Rms deviation of a model, as a share of full scale, that a drift of the sensor may explain."""
-_MAX_DRIFT_RATIO = 2.5  # the same as a multiple of the rms deviation of the fit with that drift
-_NOISE_LIMITED_RATIO = (
-    1.05  # deviation over the noise of the sensors below which there is nothing to gain
-)
+"""Largest rms residual of a model without sensor drift, relative to full scale, that is accepted.
+"""
+_MAX_DRIFT_RATIO = 2.5
+"""Largest ratio of the rms residuals without and with a fitted drift, above :data:`_MAX_DRIFT_RMS`.
+"""
+_NOISE_LIMITED_RATIO = 1.05
+"""Ratio of the rms residual to the sensor noise below which no other law can improve the fit."""
 
 _MAX_ERROR_RATIO = 5.0
-"""Cross-validation error over the least one's, up to which passing the acceptance test is worth it."""
+"""Largest cross-validation error, relative to the smallest one, that is accepted in exchange for
+passing the acceptance test."""
 
-CARRIED_STARTS = (
-    24  # sets of the screening that are tried at the other gaps beside the optimum of one gap
-)
+CARRIED_STARTS = 24
+"""Screened parameter sets of the reference gap that are tried at the other gaps, besides its
+optimum."""
 
 
 def make_outcome(
@@ -105,7 +113,7 @@ def make_outcome(
 
 
 def select_model(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
-    """Fit under the wanted map and law, or under all, and keep what predicts best what is left out."""
+    """Fit the requested law and gap map, or all of them, and select the one that predicts best."""
     gaps = run.search_records.gap_count
     require_gaps(run.records, gap_map)
     map_list = map_candidates(run, loopset, gap_map) if gaps > 1 else []
@@ -134,7 +142,7 @@ def select_model(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
             raise
         are_laws_compared = True
         best, fit, dead_band = choice.finish_best(choice.compare_play_cells(best))
-    if best.file_gap_map != base.file_gap_map:  # another law suits another map
+    if best.file_gap_map != base.file_gap_map:  # the law of play cells may need another map
         map_reason = explain_gap_map(comparison, best, gap_map, loopset, rejected)
         maps = comparison.errors_by_map(best) if comparison.withheld_kind == "gap" else maps
     if are_laws_compared or comparison.dropped:
@@ -153,7 +161,7 @@ def select_model(run: SearchRun, loopset: Loops, gap_map: str) -> Outcome:
 
 
 class Selection:
-    """Fits under the candidates, and which of them may be chosen."""
+    """Fits of all candidates of a run, and the selection among them."""
 
     def __init__(self, run: SearchRun, loopset: Loops, maps: list[ModelCandidate]) -> None:
         self.run, self.loopset, self.maps = run, loopset, maps
@@ -169,7 +177,7 @@ class Selection:
             )
 
     def _fit_reference_gap(self) -> tuple[Fits, list[ParameterSet]]:
-        """Fit the gap that shows most; give sets there: its optimum, then others worth a try."""
+        """Fit the gap with the largest output; also return sets to start from at other gaps."""
         run = self.run
         reference_records = run.search_records.at_gap(run.search_records.reference_gap)
 
@@ -187,7 +195,7 @@ class Selection:
         ]
 
     def _compare_maps(self, starts: list[ParameterSet]) -> None:
-        """Fit every gap map, to all gaps and without some."""
+        """Fit every gap map to all gaps, and again without each inner gap."""
         comparison, reluctance_fit = self.comparison, None
         for candidate in self.maps:
             try:
@@ -231,10 +239,10 @@ class Selection:
         return fits
 
     def compare_play_cells(self, base: ModelCandidate) -> ModelCandidate:
-        """Fit play cells under the most flexible map, the best of them under the others, and choose.
+        """Fit play cells under the most flexible map, then the best under other maps, and select.
 
-        With fewer than three gaps the inner loops are left out, where there are two or more, else
-        blocks of samples.
+        With fewer than three gaps, inner loops are withheld; with fewer than two of these, blocks
+        of samples.
         """
         run, comparison = self.run, self.comparison
         if not comparison.withheld:
@@ -287,8 +295,8 @@ class Selection:
     def _search_cells(self, base: ModelCandidate) -> list[ModelCandidate]:
         """Fit play cells under one map.
 
-        They are tried without interaction first where one loop, at one gap, hardly tells it from
-        pinning.
+        A single loop at one gap barely separates interaction from pinning. In that case, cells
+        without interaction are fitted first.
         """
         run, comparison = self.run, self.comparison
         coupled = cell_candidates(select_cell_map(base, self.maps), run.cells)
@@ -312,14 +320,18 @@ class Selection:
         return [candidate for candidate in (*uncoupled, *coupled) if candidate in comparison.fits]
 
     def _try_fit(self, candidate: ModelCandidate, fit: Callable[[], Fits]) -> None:
-        """Fit a candidate; one that fails is dropped."""
+        """Fit a candidate, or drop it if the fit fails."""
         try:
             self.comparison.fits[candidate] = fit()
         except FAILURES as error:
             self.comparison.drop(candidate, error)
 
     def estimate_unseen_error(self) -> CrossValidation | None:
-        """Say what the choice misses where it has seen nothing; inner loops left out promise nothing."""
+        """Estimate the error at new gaps by nested cross-validation.
+
+        The result is None if nothing or only loops were withheld: inner loops do not represent
+        other gaps.
+        """
         comparison = self.comparison
         if comparison.withheld_kind == "loop" or not comparison.withheld:
             return None
@@ -335,7 +347,7 @@ class Selection:
         return expected_error(comparison.nested_errors(), noises[1:-1])
 
     def _refit_folds(self, candidates: Sequence[ModelCandidate], fold_size: int = 1) -> None:
-        """Fit some without each place, or without each pair."""
+        """Fit some candidates again without each withheld part, or without each pair of them."""
         comparison = self.comparison
         for fold in map(frozenset, combinations(comparison.withheld, fold_size)):
             refits = comparison.refits.setdefault(fold, {})
@@ -345,16 +357,16 @@ class Selection:
                 refits[candidate] = refit(start, self.loopset, fold, comparison.withheld_kind)
 
     def exceeds_noise(self, fit: FoundModel) -> bool:
-        """Whether a fit leaves more than the noise of the sensors, so that another law could gain.
+        """Whether a fit's residual exceeds the sensor noise, so that another law may be better.
 
-        However smooth noise may be (:mod:`anhyst.model.residual_analysis`), trying costs little: only white
-        noise ends it.
+        The test assumes white noise. For smoother noise (:mod:`anhyst.model.residual_analysis`),
+        its only effect is an unnecessary search.
         """
         cost = Objective(fit.space).linearise(fit.theta).cost
         return cost > max(_NOISE_LIMITED_RATIO**2 * self._noise_cost(fit), NEGLIGIBLE_DEVIATION**2)
 
     def _noise_cost(self, fit: FoundModel) -> float:
-        """Return the cost that the noise of the sensors adds to any fit."""
+        """Return the cost that the sensor noise adds to any fit."""
         ordered = [loop for group in self.loopset.by_schedule().values() for loop in group]
         return sum(
             record.weight**2 * record.input.size * estimate_noise(loop.output) ** 2
@@ -362,10 +374,10 @@ class Selection:
         )
 
     def _filter_eligible(self, candidates: list[ModelCandidate]) -> list[ModelCandidate]:
-        """Return the candidates that may be chosen: the usable ones, or all if there is none.
+        """Return the candidates that may be selected: the usable ones, or all if none is usable.
 
-        If the loops are not scheduled over a gap, the map ``free`` may be chosen although it cannot
-        be compiled, if it fits several times better than any usable one.
+        If the schedule is not a gap, the map ``free`` may be selected although it cannot be
+        compiled, if it fits several times better than any usable candidate.
         """
         comparison = self.comparison
         usable = [
@@ -384,7 +396,10 @@ class Selection:
         ]
 
     def select(self) -> ModelCandidate:
-        """Choose; what fails the acceptance test drops out as long as anything comparable is there."""
+        """Return the best candidate that passes the acceptance test and is not overfitted.
+
+        If its error is much larger than the smallest one, these tests are ignored.
+        """
         comparison = self.comparison
         candidates = list(comparison.eligible)
         max_error = _MAX_ERROR_RATIO * min(
@@ -402,7 +417,7 @@ class Selection:
         return comparison.select_best()
 
     def _is_overfitted_between_gaps(self, candidate: ModelCandidate) -> bool:
-        """Whether a gap map bends between the gaps, where the same law under simpler maps does not."""
+        """Whether a gap map deviates between the gaps from the same law under all simpler maps."""
         comparison, loopset = self.comparison, self.loopset
         error = comparison.finite_withheld_error(candidate)
         if comparison.withheld_kind != "gap" or not error or loopset.schedule is None:
@@ -421,14 +436,14 @@ class Selection:
         )
 
     def finish_best(self, best: ModelCandidate) -> tuple[ModelCandidate, FoundModel, str]:
-        """Finish the best candidate; if it fails, the next one, until none is left."""
+        """Finish the best candidate; if that fails, the next one. The last failure is raised."""
         comparison = self.comparison
         while True:
             try:
                 fit, dead_band = _finish(self.run, self.loopset, comparison.fits[best].reduced)
                 if (
                     len(comparison.eligible) > 1
-                ):  # the last one stays, and its deviation is reported
+                ):  # with a single remaining candidate, only the deviation is reported
                     _require_no_drift(fit, self.loopset)
             except FAILURES as error:
                 comparison.drop(best, error)
@@ -439,7 +454,7 @@ class Selection:
                 return best, fit, dead_band
 
     def ambiguity_within_one_loop(self, best: ModelCandidate) -> float:
-        """Return how far candidates that follow the only loop as well differ within it."""
+        """Return how far candidates that follow the only loop equally well differ inside it."""
         if len(self.loopset) > 1:
             return 0.0
         chosen = self.comparison.fits[best].reduced
@@ -452,7 +467,7 @@ class Selection:
 
 
 def _has_samples_for_weights(fit: FoundModel) -> bool:
-    """Whether there are samples enough to fit every weight of the cells by itself."""
+    """Whether there are enough samples to fit every cell weight individually."""
     kernel = fit.space.form.cells
     assert isinstance(kernel, CellKernel)
     weights = make_weight_kernel(kernel, fit.parameter_sets[0].law).initial_cells.weights.size
@@ -461,21 +476,24 @@ def _has_samples_for_weights(fit: FoundModel) -> bool:
 
 
 def _is_usable(fit: FoundModel, loopset: Loops) -> bool:
-    """Whether what is to be compensated can be compiled, and starts near what was measured."""
+    """Whether a model for compensation can be compiled and has a plausible initial curve.
+
+    Models of quantities that are not compensated are always usable.
+    """
     if not is_actuator(loopset):
         return True
     model = make_model(fit, loopset)
     return find_compile_obstacle(model) is None and has_plausible_initial_curve(model, loopset)
 
 
-@lru_cache(maxsize=2)  # of one fit it is asked again and again
+@lru_cache(maxsize=2)  # the same fit is tested several times in a row
 def _passes_acceptance(fit: FoundModel, loopset: Loops) -> bool:
     model = replace(make_model(fit, loopset), valid=valid_range(loopset))
     return model.acceptance().passed is not False
 
 
 def _require_no_drift(fit: FoundModel, loopset: Loops) -> None:
-    """Refuse a fit that is close only with a drift of the sensor, which is not part of the model."""
+    """Raise an error if a fit is accurate only together with a sensor drift."""
     model = make_model(fit, loopset)
     residuals = [model.predict_loop(loop) - loop.output for loop in loopset.loops]
     rms = math.sqrt(float(np.mean(np.concatenate(residuals) ** 2))) / largest_output(loopset)
@@ -486,7 +504,7 @@ def _require_no_drift(fit: FoundModel, loopset: Loops) -> None:
 
 
 def _finish(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel, str]:
-    """Add the dead band and run the fit to convergence on every sample."""
+    """Add the dead band and run the fit to convergence on all samples."""
     dead_band = "none: it was not wanted"
     if fit.space.form.cells is not None:
         dead_band = "none: play cells need none"
@@ -501,7 +519,7 @@ def _finish(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel
         start.smoothness,
     )
     converged = run.step("last steps", descend)
-    # The last steps gain little, and may not lead to where nothing would have been chosen.
+    # The last steps gain little. They are discarded if they make a usable model unusable.
     became_unusable = _is_usable(start, loopset) and not _is_usable(converged, loopset)
     return start.with_records(run.records) if became_unusable else converged, dead_band
 

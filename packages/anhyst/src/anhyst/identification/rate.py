@@ -1,9 +1,10 @@
-"""The fit of solid iron: how many layers, and how late the middle is, from loops of several speeds.
+"""Fit the eddy currents of solid iron, as a number of layers, to loops of several speeds.
 
-The static model is that of the slow loops and is held: at rest a model of layers is the static one.
-What is fitted to the fast loops is ``gamma``, the share of the surface and that of sheets. Whether rate
-matters is decided by speeds, or else gaps, that are left out; how many layers there are by the fit,
-since any number of them from two on has the same parameters (docs/rate.md).
+The static model comes from the slow loops and is fixed, because layers do not change static
+behaviour. Three parameters are fitted to the fast loops: ``gamma``, the share of the surface, and
+the share of sheets. Withheld speeds (or gaps, with a single fast speed) decide whether there is a
+rate dependence. The fit decides on the number of layers: from two layers on, the number of
+parameters is the same (docs/rate.md).
 """
 
 from __future__ import annotations
@@ -23,41 +24,45 @@ from anhyst.model.predict import as_history, initial_state
 from anhyst.model.schema import Uncertainty
 from anhyst.support.numeric import FloatArray
 
-LAYER_COUNTS = (1, 2, 3, 4)  # layers that are tried; 1 is a lag of the flux
+LAYER_COUNTS = (1, 2, 3, 4)  # numbers of layers that are tried; 1 is a lag of the flux
 
 MAX_ERROR_RATIO = 0.9
-"""What is missed, in parts of that without rate or with fewer layers, from which on these are taken."""
+"""Largest error, relative to the static model or to fewer layers, with which layers are accepted.
+"""
 
-MAX_SAMPLES_PER_LOOP = 120  # of a loop, that are fitted, at most
+MAX_SAMPLES_PER_LOOP = 120  # samples of a loop that are fitted, at most
 
 CYCLE_TOLERANCE = 1e-6
 MAX_CYCLES = 40
-"""A cycle is closed for a fit when its state returns this well, in parts of the law's scale."""
+"""Maximum number of cycles until a steady-state loop closes, and its tolerance relative to the
+field scale of the law."""
 
 GAMMA_START_RATIOS = np.geomspace(0.003, 3.0, 8)
-"""Values of ``gamma`` that a fit may start from, in parts of the one whose field, at the rate of the
-fastest loops, is as large as the drive."""
+"""Initial values of ``gamma``, relative to the value whose eddy-current field at the fastest rate
+equals the drive."""
 
-START_LAMINATED_SHARE = 0.2  # share of the path in sheets that a fit starts from
+START_LAMINATED_SHARE = 0.2  # initial laminated share of the path
 
 MIN_RATE_EFFECT_RATIO = 0.3
-"""Root mean square of what rate does to the slow loops, in parts of what the static model leaves of
-them, from which on the static model is identified once more, without it."""
+"""Rms rate effect in the slow loops, relative to the static residual, above which the effect is
+subtracted and the static model is fitted again."""
 
-_NO_ANSWER_DEVIATION = 1e3  # deviation of a set that the core has no answer for
+_NO_ANSWER_DEVIATION = 1e3  # residual of parameters without a solution
 
 
 @dataclass(frozen=True, eq=False)
 class RateFit:
-    """Result of a fit of the rate dependence to fast loops."""
+    """Result of fitting the rate dependence to fast loops."""
 
-    model: Model  # with layers, or as it was where nothing is gained
+    model: Model  # the model with layers or a lag; unchanged if they do not help
     reason: str  # a sentence
     log_gamma_std: float = 0.0  # standard deviation of ln(gamma)
-    error: float = np.inf  # root mean square of all loops, by the geometric mean of their speeds
+    error: float = (
+        np.inf
+    )  # geometric mean over the speeds of the rms residual, relative to the largest output
 
     def add_to_uncertainty(self, known: Uncertainty) -> Uncertainty:
-        """Add it to what is known of a static model, which was held."""
+        """Return the uncertainty of the static model, with ``gamma`` added."""
         gamma, dynamics = self.model.parameters["gamma"], self.model.dynamics
         assert isinstance(gamma, float)
         assert dynamics is not None
@@ -78,9 +83,9 @@ class RateFit:
 
 @dataclass(frozen=True)
 class _RateParameters:
-    """What is fitted."""
+    """The fitted parameters, and the number of layers."""
 
-    count: int  # layers
+    count: int  # number of layers
     theta: tuple[float, ...]  # ``ln(gamma)`` and, with several layers, the logits of both shares
 
     @property
@@ -90,7 +95,7 @@ class _RateParameters:
 
     @property
     def shares(self) -> tuple[float, float]:
-        """Share of the surface in the section, and of sheets in the path."""
+        """Share of the section at the surface, and laminated share of the path."""
         if self.count == 1:
             return 1.0, 0.0
         surface, laminated = 0.5 + 0.5 * np.tanh(0.5 * np.array(self.theta[1:]))
@@ -98,7 +103,7 @@ class _RateParameters:
 
 
 class _LoopPath:
-    """One loop on its way through the iron."""
+    """One measured loop, prepared for simulation with any rate parameters."""
 
     def __init__(self, model: Model, loop: Loop, iron: AnyIron, largest: float) -> None:
         assert loop.time is not None
@@ -119,7 +124,7 @@ class _LoopPath:
         self.state = initial_state(model, iron, as_history(loop.history, model), start)
 
     def relative_residual(self, rate: _RateParameters) -> FloatArray:
-        """Return what is missed of the output, in parts of the largest."""
+        """Return modelled minus measured output, relative to the largest output of all loops."""
         self.iron.make_solid(rate.count, *rate.shares)
         eddy = rate.gamma * self.rate
         state = np.tile(self.state, rate.count + 1 if rate.count > 1 else 1)
@@ -134,10 +139,12 @@ class _LoopPath:
 
 
 class _RateProblem:
-    """Fast loops in groups, around a static model."""
+    """Fast loops in groups of equal speed, with a static model."""
 
     def __init__(self, model: Model, speeds: SpeedGroups, largest: float) -> None:
-        irons: dict[float | None, AnyIron] = {}  # own ones: fits cut them into layers
+        irons: dict[
+            float | None, AnyIron
+        ] = {}  # separate objects, because the fit changes their layers
         law = model.operator_law
 
         def path(loop: Loop) -> _LoopPath:
@@ -159,7 +166,7 @@ class _RateProblem:
         self.gamma_scale = drive / (2.0 * np.pi * speeds.fastest_rate * density)
 
     def make_folds(self) -> list[tuple[list[list[_LoopPath]], list[list[_LoopPath]]]]:
-        """Return what is fitted and what is left out: each speed, or of one speed each gap."""
+        """Return pairs of fitted and withheld groups: each speed is withheld, or each gap."""
         if len(self.groups) > 1:
             parts = [[group] for group in self.groups]
         else:
@@ -179,7 +186,7 @@ class _RateProblem:
         count: int,
         start: _RateParameters | None = None,
     ) -> tuple[_RateParameters, float]:
-        """Fit some loops; return what was found and the deviation of ``ln(gamma)``."""
+        """Fit the rate parameters to some loops; also return the std of ``ln(gamma)``."""
         from scipy.optimize import least_squares
 
         if start is None:
@@ -217,7 +224,7 @@ def _logit(share: float) -> float:
 
 
 def mean_error(groups: Iterable[Sequence[_LoopPath]], rate: _RateParameters) -> float:
-    """Return the root mean square that is missed, by the geometric mean of the groups."""
+    """Return the geometric mean over the groups of the rms residual."""
     return _geometric_mean(
         float(
             np.sqrt(np.mean(np.concatenate([path.relative_residual(rate) ** 2 for path in group])))
@@ -229,7 +236,7 @@ def mean_error(groups: Iterable[Sequence[_LoopPath]], rate: _RateParameters) -> 
 def fit_rate(
     model: Model, loops: Loops, speeds: SpeedGroups, min_layers: int = LAYER_COUNTS[0]
 ) -> RateFit:
-    """Fit eddy currents to fast loops around a fixed static model, with a least number of layers."""
+    """Fit eddy currents to fast loops with a fixed static model and at least `min_layers` layers."""
     static, model = model, _with_series_reluctance(model)
     problem = _RateProblem(model, speeds, largest_output(loops))
     folds = problem.make_folds()
@@ -258,7 +265,7 @@ def fit_rate(
         if is_better:
             best_error, chosen = error, (rate, std)
         elif chosen is not None and count > 2:
-            break  # further layers are finer still
+            break  # more layers would be finer still
     static_text = f"{100.0 * static_error:.2g} % of the largest output"
     if chosen is None:
         return RateFit(
@@ -284,12 +291,12 @@ def _geometric_mean(values: Iterable[float]) -> float:
 
 
 def _with_series_reluctance(model: Model) -> Model:
-    """Return a model of cells with the coupling that is a reluctance put around the layers.
+    """Return a play-cell model whose coupling is converted to a series reluctance.
 
-    At rest they are the same, but a reluctance holds back the flux of all layers together and a
-    coupling that of each. A negative coupling is what a gap does. A positive one is the iron's own
-    and stays, unless the iron would jump without a gap; then as much as no negative reluctance
-    stands for is moved.
+    Static behaviour does not change. With layers, a reluctance acts on the flux of all layers
+    together, and a coupling on the flux of each. A negative coupling is a gap, and is converted. A
+    positive coupling belongs to the iron and is kept. If the iron would jump without a gap, a
+    positive coupling is converted as far as the reluctance stays positive.
     """
     law, alpha = model.operator_law, model.parameters["alpha"]
     if law.cells is None or isinstance(alpha, tuple) or not alpha or model.needs_fixed_gap:
@@ -307,7 +314,7 @@ def _with_series_reluctance(model: Model) -> Model:
 
 
 def remove_rate_effect(model: Model, static: Model, slow: Loops) -> Loops | None:
-    """Take what rate does to slow loops off them; None where that is too little to matter."""
+    """Subtract the rate effect from slow loops; return None if it is negligible."""
     static_squares, rate_squares, corrected = [], [], []
     for loop in slow.loops:
         static_output = static.predict_loop(loop)

@@ -1,9 +1,9 @@
-"""What the data say about each fitted number, and whether they demand an offset of a sensor.
+"""Estimate the uncertainty of fitted parameters, and decide which sensor offsets the data require.
 
-Any law misses a real iron by a little, and an offset is glad to take part of that over: it then
-stands for a force where none is. So an offset is fitted only where it pays by more than chance,
-with deviations that go together along a record, and from loop to loop, counted once, and by more
-than it is unlike a sensor's.
+Every law has a model error, and a fitted offset can hide a part of it. The offset then means a
+force that does not exist. Therefore, an offset is fitted only if it reduces the cost by more than
+chance and by more than a usual sensor offset would cost. Residuals that are correlated along a
+record or equal in all loops count once.
 """
 
 from __future__ import annotations
@@ -31,21 +31,22 @@ from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.units import MU_0
 
-_MAX_RELATIVE_STD = 0.2  # relative standard deviation above which a number is called loose
+_MAX_RELATIVE_STD = (
+    0.2  # relative standard deviation above which a parameter is reported as uncertain
+)
 
 _MAX_NAMED_PARAMETERS = 6
-"""Loose numbers that are named one by one, at most: of many only all together mean something."""
+"""Maximum number of uncertain parameters that are named. Many are meaningful only together."""
 
-_MAX_SEPARABLE_CORRELATION = (
-    0.95  # correlation above which two numbers are determined only together
-)
+_MAX_SEPARABLE_CORRELATION = 0.95
+"""Correlation above which two parameters are not separable."""
 
 
 def correlation_length(deviations: FloatArray) -> float:
-    """Return the number of successive samples that count as one, as their deviations are correlated.
+    """Return the number of successive samples that count as one independent sample.
 
-    Twice the integral of the autocorrelation up to its first zero: misfit of the law runs in long
-    waves, and counting each sample as independent would promise far too much.
+    This is twice the integral of the autocorrelation up to its first zero. Model errors vary slowly
+    along a record, so that counting each sample would make the uncertainty far too small.
     """
     centred = deviations - deviations.mean()
     power = float(centred @ centred)
@@ -59,7 +60,7 @@ def correlation_length(deviations: FloatArray) -> float:
 
 
 def _split_by_record(space: CoordinateSpace, deviation: FloatArray) -> list[FloatArray]:
-    """Return the deviations of each drive, without those of ties after them."""
+    """Split the residuals by record, without the regularisation residuals after them."""
     ends = np.cumsum([record.input.size for record in space.records.loops])
     return np.split(deviation, ends)[:-1]
 
@@ -73,13 +74,13 @@ def _covariance(fit: FoundModel) -> FloatArray:
         / freedom
         * float(np.mean([correlation_length(residual) for residual in residuals]))
     )
-    # A coordinate the data do not feel at all gets a huge, finite variance.
+    # A coordinate without sensitivity gets a large, finite variance.
     floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
     return np.asarray(variance * np.linalg.inv(normal + floor * np.eye(normal.shape[0])))
 
 
 def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
-    """Return standard deviations, correlations and plain statements for a finished fit."""
+    """Return standard deviations, correlations and statements in words for a finished fit."""
     space = fit.space
     covariance = _covariance(fit)
     all_stds = np.sqrt(np.diag(covariance))
@@ -127,7 +128,7 @@ def _label(number: FitParameter, units: Mapping[str, str]) -> str:
 def describe_uncertainty(
     names: Sequence[str], values: Sequence[float], stds: Sequence[float], correlation: FloatArray
 ) -> list[str]:
-    """Say which numbers the data determine badly, and which only together."""
+    """Describe which parameters are uncertain, and which are not separable."""
     uncertain = [
         (name, "more than its size" if std > abs(value) else f"{100 * std / abs(value):.0f} %")
         for name, value, std in zip(names, values, stds, strict=True)
@@ -152,7 +153,7 @@ def describe_uncertainty(
 
 
 def _describe_gauge(fit: FoundModel) -> list[str]:
-    """Say what was chosen, because no output depends on it."""
+    """Describe the values that were chosen because no output depends on them."""
     sentences, form, gap_map = [], fit.space.form, fit.space.file_gap_map
     if form.permeability == 0.0:
         sentences.append(
@@ -169,7 +170,7 @@ def _describe_gauge(fit: FoundModel) -> list[str]:
 
 
 def _group_correlated(correlation: FloatArray) -> list[list[int]]:
-    """Group coordinates that are tied by strong correlations."""
+    """Group parameters that are connected by strong correlations."""
     groups: list[list[int]] = []
     for index in range(correlation.shape[0]):
         correlated = [
@@ -186,31 +187,32 @@ def _group_correlated(correlation: FloatArray) -> list[list[int]]:
 OFFSET_NAMES = frozenset({"in_0", "out_0"})
 
 USUAL_OFFSET_STD = 0.01
-"""Standard deviation of the offsets that sensors have, in parts of the range: seldom more."""
+"""Standard deviation of usual sensor offsets, as a share of the range."""
 
-MIN_REST_READING_STD = 5e-4  # least uncertainty of a reading at rest, in parts of the range
+MIN_REST_READING_STD = 5e-4
+"""Smallest standard error of a reading at rest, as a share of the range."""
 
 _MAX_OFFSET_PENALTY = 25.0
-"""What an unusual offset costs at most, and what contradicting a reading at rest costs, in twice
-the logarithm of the odds: the highest price that still lets plain evidence overrule either."""
+"""Largest penalty of an unusual offset, and of a contradiction to a reading at rest, as twice the
+logarithm of the odds. Clear evidence in the loops can still exceed either."""
 
 _CONTRADICTION_SIGMAS = 4.0
-"""A fitted offset contradicts what the sensor read from this number of standard errors on."""
+"""Number of standard errors above which a fitted offset contradicts the sensor reading."""
 
 _MAX_REST_READING_COST_RATIO = 2.0
-"""A reading is kept unless it raises the mean square deviation by this factor: the error of a law in
-its shape, which an offset can hide, raised it by 1.4 (three gaps, 2 mA of noise)."""
+"""Factor of the mean square residual up to which a reading at rest is used against a contradicting
+fit. The model error that an offset can hide raised it by 1.4 (three gaps, 2 mA of noise)."""
 
 _NEGLIGIBLE_COST = 1e-20
-"""Mean square deviation, in parts of the largest output, below which nothing is distinguished."""
+"""Mean square residual, relative to the largest output squared, below which fits are equal."""
 
 
 def remove_unneeded_offsets(
     fit: FoundModel, tolerance: float = COMPARISON_STOP[0], max_steps: int = COMPARISON_STOP[1]
 ) -> FoundModel:
-    """Hold the offsets at what the sensors read at rest, but for those that the data demand.
+    """Fix the offsets at the sensor readings at rest, except offsets that the data require.
 
-    Those that differ from gap to gap are none of a sensor's, and not judged as such.
+    Offsets that differ between gaps are not sensor offsets, and stay free.
     """
     free = sorted(name for name, gap in fit.space.entries if name in OFFSET_NAMES and gap is None)
     if not free:
@@ -243,7 +245,7 @@ def remove_unneeded_offsets(
         attempts[names] = score(cost, space, theta[kept]), space, theta[kept]
     _, space, start = min(attempts.values(), key=lambda attempt: attempt[0])
     full_score = score(fit.cost, fit.space, fit.theta)
-    # Whatever the offsets that stay free come out at, above this cost they are not taken.
+    # For any values of the remaining offsets, the reduced fit is rejected above this cost.
     remaining = sum(name in OFFSET_NAMES for name, _ in space.entries)
     goal = math.exp(
         full_score / independent_samples
@@ -256,13 +258,13 @@ def remove_unneeded_offsets(
     best = reduced if is_better or (contradicted and reduced.cost <= goal) else fit
     try:
         Objective(best.space).outputs(best.parameter_sets)
-    except NoResponseError:  # a fit that finds no answer ends at any cost
+    except NoResponseError:  # a fit without a solution has converged at a constant cost
         best = fit
     return replace(best, evaluations=fit.evaluations + reduced.evaluations + 1)
 
 
 def _find_contradicted_offsets(fit: FoundModel) -> frozenset[str]:
-    """Name the free offsets of the input that contradict an offset that the sensor has read."""
+    """Return the free input offsets that contradict an offset read at rest."""
     reading, span = fit.space.records.rest.input, fit.space.records.input_span
     if reading.std is None or reading.offset == 0.0:
         return frozenset()
@@ -273,7 +275,7 @@ def _find_contradicted_offsets(fit: FoundModel) -> frozenset[str]:
 
 
 def _neighbour_correlation(deviation: FloatArray) -> float:
-    """Part of the mean square that is still there a sample later."""
+    """Return the correlation of residuals with those of the next sample, 0 if it is negative."""
     centred = deviation - deviation.mean()
     power = float(centred @ centred)
     return max(0.0, float(centred[1:] @ centred[:-1]) / power) if power > 0.0 else 0.0
@@ -282,7 +284,7 @@ def _neighbour_correlation(deviation: FloatArray) -> float:
 def _predict_without_offsets(
     fit: FoundModel, linear: Linearisation, names: frozenset[str]
 ) -> tuple[float, FloatArray]:
-    """Foresee the best fit with these offsets held at zero: its cost and its coordinates."""
+    """Predict, to second order, cost and coordinates of the best fit with some offsets zero."""
     is_removed = np.array([name in names for name, _ in fit.space.entries])
     theta = np.where(is_removed, 0.0, fit.theta)
     normal = linear.normal + 1e-12 * np.trace(linear.normal) * np.eye(is_removed.size)
@@ -294,7 +296,7 @@ def _predict_without_offsets(
 
 
 def _offset_penalty(space: CoordinateSpace, theta: FloatArray, independent_samples: float) -> float:
-    """Price the free offsets of a space, in twice the logarithm of the odds."""
+    """Return the penalty of the free offsets of a space, as twice the logarithm of the odds."""
     rest = space.records.rest
     readings = {
         "in_0": (rest.input, space.records.input_span),
@@ -305,7 +307,8 @@ def _offset_penalty(space: CoordinateSpace, theta: FloatArray, independent_sampl
         if name not in OFFSET_NAMES:
             continue
         reading, span = readings[name]
-        # Seldom is not never: a load cell that nobody tared, a gauge with a zero of its own.
+        # A large offset is possible: a load cell without tare, or a displacement sensor with
+        # another zero.
         improbability = min((value / USUAL_OFFSET_STD) ** 2, _MAX_OFFSET_PENALTY)
         if reading.std is not None:
             sigmas = value / max(reading.std / span, MIN_REST_READING_STD)
@@ -315,14 +318,14 @@ def _offset_penalty(space: CoordinateSpace, theta: FloatArray, independent_sampl
 
 
 EQUAL_FIT_RATIO = 1.5
-"""Deviation from the loop over that of the model that was chosen, up to which a fit follows it as well."""
+"""Ratio of rms residuals up to which two fits follow a loop equally well."""
 
 _REVERSAL_POSITIONS = (0.0, 1.0, 0.3, 0.9, 0.1, 0.6, 0.4, 0.8, 0.2, 0.7, 0.0)
 _SAMPLES_PER_BRANCH = 40
 
 
 def ambiguity_within_loop(chosen: Model, others: Sequence[Model], loopset: Loops) -> float:
-    """Return how far (rms, of the largest output) others differ from one that is driven within it."""
+    """Return the largest rms difference of models inside a loop, relative to full scale."""
     loop = loopset.loops[0]
     low, high = float(loop.input.min()), float(loop.input.max())
     drive_values = low + (high - low) * np.array(_REVERSAL_POSITIONS)
@@ -343,13 +346,15 @@ def ambiguity_within_loop(chosen: Model, others: Sequence[Model], loopset: Loops
 
 
 _MAX_DEVIATION_RATIO = 2.0
-"""Distance of two maps between the gaps, over what both miss at gaps left out, that these explain."""
+"""Largest allowed deviation between two maps midway between gaps, relative to the sum of their
+errors at withheld gaps."""
 _MAX_SIMPLER_ERROR_RATIO = 3.0
-"""Cross-validation error over another's up to which a simpler map says where the other bends."""
+"""Cross-validation error relative to a map, up to which a simpler map is evidence against that map.
+"""
 
 
 def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
-    """Return the mean deviation of two models midway between gaps, in parts of the largest output."""
+    """Return the largest mean deviation of two models midway between gaps, relative to full scale."""
     groups = loopset.by_schedule()
     deviations = []
     for low, high in pairwise(sorted(groups)):
@@ -368,9 +373,9 @@ def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
 def is_overfitted_between_gaps(
     model: Model, error: float, simpler: Sequence[tuple[Model, float]], loops: Loops
 ) -> bool:
-    """Whether a model parts from all simpler maps by more than it and they miss at gaps left out.
+    """Whether a model deviates between gaps from all simpler maps by more than their errors.
 
-    One that holds at the measured gaps alone says nothing between them.
+    Models for fixed gaps only have no behaviour between gaps and are never overfitted there.
     """
     if model.needs_fixed_gap:
         return False
@@ -386,18 +391,19 @@ def is_overfitted_between_gaps(
 
 
 MAX_INITIAL_CURVE_DISTANCE = 1.0
-"""Of the width of the loop; irons of all families stay below 0.4 where it was measured."""
+"""Largest distance of the initial magnetisation curve below the loop, in loop widths. Measured
+irons of all families stay below 0.4."""
 
 _INITIAL_CURVE_SAMPLES = 100
 
 
 def has_no_initial_curve(loopset: Loops) -> bool:
-    """Whether no loop begins demagnetised."""
+    """Whether no loop starts demagnetised, so that the initial magnetisation curve is not measured."""
     return all(loop.history.kind != "demagnetised" for loop in loopset.loops)
 
 
 def initial_curve_distance(model: Model, loopset: Loops) -> float:
-    """Return how far a model puts the first rise below the loop that follows."""
+    """Return the largest distance of a model's initial curve below its loop, in loop widths."""
     if not is_actuator(loopset):
         return 0.0
     largest = max(float(loop.input.max()) for loop in loopset.loops)
@@ -424,7 +430,7 @@ def initial_curve_distance(model: Model, loopset: Loops) -> float:
 
 
 def has_plausible_initial_curve(model: Model, loopset: Loops) -> bool:
-    """Whether a model puts the first rise near the loops, where none of them shows it."""
+    """Whether the initial magnetisation curve of a model is measured, or close to its loops."""
     return (
         not has_no_initial_curve(loopset)
         or initial_curve_distance(model, loopset) <= MAX_INITIAL_CURVE_DISTANCE
@@ -432,14 +438,15 @@ def has_plausible_initial_curve(model: Model, loopset: Loops) -> bool:
 
 
 _UNRESOLVED_COST_RATIO = 1.05
-"""Mean square deviation over the least, up to which loops do not tell a pinned cell from a free one."""
+"""Ratio of mean square residuals up to which loops cannot distinguish a pinned cell from a free
+one."""
 
 
 def field_step_after_reversal(model: Model, loops: Loops) -> float:
-    """Return by how much the effective field moves to the first sample after a reversal, A/m.
+    """Return the median change of the effective field to the first sample after a reversal, A/m.
 
-    The median over all reversals; 0 where there is none. Just there the iron hardly answers, and
-    the field moves farther for a step of the drive than anywhere else.
+    The result is 0 if there are no reversals. The iron barely responds directly after a reversal,
+    so the field changes more per step of the drive than elsewhere.
     """
     steps = []
     for loop in loops.loops:
@@ -454,7 +461,7 @@ def field_step_after_reversal(model: Model, loops: Loops) -> float:
 
 
 def free_unresolved_cells(model: Model, loops: Loops) -> Model:
-    """Count cells as free that no sample shows to be pinned, the finest first."""
+    """Treat pinned cells as free if no sample resolves them, smallest threshold first."""
     law = model.operator_law
     if law.cells is None:
         return model
@@ -482,7 +489,7 @@ def free_unresolved_cells(model: Model, loops: Loops) -> Model:
 
 
 def _free_first_cells(model: Model, cells: CellWeights, count: int) -> Model:
-    """Move the weights of the first cells with a threshold to the cell without one."""
+    """Move the weights of the first pinned cells to the free cell."""
     weights = np.delete(cells.weights, np.s_[1 : 1 + count], axis=0)
     weights[0] += cells.weights[1 : 1 + count].sum(axis=0)
     remaining_cells = replace(
@@ -495,7 +502,7 @@ def _free_first_cells(model: Model, cells: CellWeights, count: int) -> Model:
 
 
 def _mean_square_error(model: Model, loops: Loops) -> float:
-    """Return the mean square deviation over all samples; infinite if the model has no answer."""
+    """Return the mean square residual over all samples; infinite if the model has no solution."""
     try:
         residual = np.concatenate([model.predict_loop(loop) - loop.output for loop in loops.loops])
     except (InputError, NegativeResult):
