@@ -202,8 +202,7 @@ def _residuals(model: Model, loops: Sequence[Loop]) -> list[FloatArray]:
 def _mean_squares_without_drift(
     residuals: Sequence[FloatArray], clocks: Sequence[FloatArray]
 ) -> tuple[float, ...]:
-    """Return mean squares of the residuals at one gap, without the linear drift that fits them
-    best."""
+    """Return mean squares of the residuals at one gap, without their best linear drift."""
     times, all_residuals = np.concatenate(clocks), np.concatenate(residuals)
     slope = float(times @ all_residuals) / max(float(times @ times), 1e-300)
     remaining = [residual - slope * time for residual, time in zip(residuals, clocks, strict=True)]

@@ -1,4 +1,4 @@
-"""Loops made ready for fitting: arrays, weights, what came before, what sensors read at rest."""
+"""Prepare measured loops for fitting: arrays, weights, history, and sensor readings at rest."""
 
 from __future__ import annotations
 
@@ -17,30 +17,32 @@ from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-MAX_REST_SHARE = 0.01  # a smallest input below this share of the largest counts as zero
+MAX_REST_SHARE = 0.01  # smallest input, relative to the largest one, that counts as zero
 
 _EQUAL_READING_SHARE = 1e-3
-"""Readings this near to each other, in parts of the largest, were taken at the same rest; an
-offset smaller than this is none."""
+"""Largest difference of readings at the same rest, relative to the largest reading. A smaller
+offset counts as zero."""
 
 _REST_BAND = 0.005
-_MIN_REST_SHARE = 0.08  # a drive rests if this share of its samples is within a band of the lowest
+_MIN_REST_SHARE = (
+    0.08  # a drive rests if this share of its samples is within a band above the lowest
+)
 _ROUND_REVERSAL_RATIO = 1.2
-"""A reversal is round if one curve across it has at most this part of the misfit of two."""
-_BRANCH_PARTS_PER_TIP = 12  # the curves beside a reversal are fitted over this part of a branch
-_OFFSET_SIGMAS = 3.0  # an offset is taken from this many standard errors on
+"""A reversal is round if the residual of one curve across it is at most this multiple of that of
+two."""
+_BRANCH_PARTS_PER_TIP = 12  # divisor of a branch that gives the window of the curves at a reversal
+_OFFSET_SIGMAS = 3.0  # number of standard errors above which an offset is used
 
 
 @dataclass(frozen=True, slots=True)
 class RestReading:
-    """What a sensor reads at rest."""
+    """Reading of a sensor at rest."""
 
-    # what is taken for its offset, SI; zero where the readings do not differ from it
+    # sensor offset, SI; zero if the readings do not differ from zero
     offset: float = 0.0
-    # standard error of the reading, SI; None where the records do not come to rest
+    # standard error of the reading, SI; None if the records do not come to rest
     std: float | None = None
-    # half-width of the 95 % interval, SI; wider than that of a normal distribution, because few
-    # readings show how far they scatter
+    # half-width of the 95 % interval, SI, from Student's t for the number of readings
     half_width: float = 0.0
 
 
@@ -53,11 +55,11 @@ class RestReadings:
 
 
 def read_rest_offsets(loopset: Loops) -> RestReadings:
-    """Take the offsets of the sensors from where the drive is at rest.
+    """Determine the offsets of the sensors from samples at which the drive is at rest.
 
-    A drive of one sign that comes down to almost nothing, time after time, comes down to nothing:
-    what the sensor reads there is its offset. What the output reads there is an offset only before
-    the iron was ever magnetised; later it is remanence too.
+    A unipolar drive that repeatedly returns to almost zero is zero there, so the reading of the
+    input is its offset. The reading of the output is an offset only before the first magnetisation;
+    later it contains remanence.
     """
     span = max(float(np.max(np.abs(loop.input))) for loop in loopset.loops)
     lowest = [_rest_input(loop, span) for loop in loopset.loops]
@@ -75,7 +77,7 @@ def read_rest_offsets(loopset: Loops) -> RestReadings:
 
 
 def _rest_input(loop: Loop, span: float) -> float | None:
-    """Return the reading at which a drive of one sign rests, None if it does not."""
+    """Return the reading at which a unipolar drive rests; None if it does not rest."""
     low, high = float(loop.input.min()), float(loop.input.max())
     sign = 1.0 if abs(low) <= abs(high) else -1.0
     if min(abs(low), abs(high)) > MAX_REST_SHARE * span or high - low < 2.0 * MAX_REST_SHARE * span:
@@ -91,12 +93,11 @@ def _rest_input(loop: Loop, span: float) -> float | None:
 def _lowest_at_reversals(
     drive: FloatArray, clock: FloatArray, default: float, span: float
 ) -> float:
-    """Return the lowest value of a drive that turns back without a rest.
+    """Return the lowest value of a drive that reverses without a rest.
 
-    The reversals of minor loops above that value say nothing about it.
-
-    Noise pulls the smallest sample down, and every other sample there is higher than the lowest
-    value. Therefore the curves before and after the reversal are extrapolated to where they meet.
+    Reversals of minor loops above that value are ignored. Noise makes the smallest sample too
+    small, and the other samples are above the lowest value. Therefore, curves before and after the
+    reversal are extrapolated to their intersection.
     """
     branch_list = find_branches(drive)
     reversals = [
@@ -133,7 +134,7 @@ def _lowest_at_reversals(
 def _make_reading(values: Sequence[float], span: float) -> RestReading:
     from scipy.special import stdtrit
 
-    if len(values) < 2:  # one reading does not show how far it scatters
+    if len(values) < 2:  # one reading has no scatter
         return RestReading()
     mean = float(np.mean(values))
     std = float(np.std(values, ddof=1) / np.sqrt(len(values)))
@@ -143,33 +144,32 @@ def _make_reading(values: Sequence[float], span: float) -> RestReading:
 
 
 WEIGHTINGS = ("loops", "points", "relative")
-"""How loops count: each the same, each sample the same, or each by its own largest output."""
+"""Weights of the samples: equal for each loop, equal for each sample, or relative to the largest
+output of each loop."""
 
 
 @dataclass(frozen=True, eq=False)
 class FitRecord:
-    """One loop as the objective sees it."""
+    """One loop, prepared for the objective function."""
 
     label: str  # name of the loop
-    gap: int  # place of its scheduling value among the gaps of the problem
-    history: (
-        InputHistory  # turning points of the input before the first sample; empty if there are none
-    )
+    gap: int  # index of its scheduling value
+    history: InputHistory  # input reversals before the first sample; empty if there are none
     input: FloatArray  # shape (n,), SI
     output: FloatArray
-    is_cycle: bool  # whether the record is a cycle to be repeated until it closes
-    weight: float  # weight of the deviation of every sample, 1/(unit of the output)
-    # time since the first sample at the same gap, in parts of the longest such time; zero where no
-    # clock says which loop was run when
+    is_cycle: bool  # whether the record is a cycle that is repeated until it closes
+    weight: float  # weight of the residual of every sample, 1/(unit of the output)
+    # time since the first sample at the same gap, relative to the longest such time; zero if the
+    # order of the loops is unknown
     clock: FloatArray
-    # samples that are left out of a fit, although the drive went through them; None: none
+    # samples that are excluded from the fit but not from the drive; None: none
     is_withheld: NDArray[np.bool_] | None = None
-    # number of measured samples that each one represents, over the mean of it; None: all alike
+    # number of measured samples that each one represents, relative to the mean; None: all equal
     sample_shares: FloatArray | None = None
 
     @property
     def weights(self) -> FloatArray:
-        """Weight of the deviation of each sample; zero of those that a fit does not see."""
+        """Weight of the residual of each sample; zero for withheld samples."""
         weights = np.full(self.input.size, self.weight)
         if self.sample_shares is not None:
             weights *= np.sqrt(self.sample_shares)
@@ -177,12 +177,12 @@ class FitRecord:
 
     @cached_property
     def remembered_history(self) -> InputHistory:
-        """The part of the past drive that wiping out by turning points leaves in memory."""
+        """The part of the earlier drive that remains after the wiping-out property."""
         past = self.history.extended(self.input, self.gap) if self.is_cycle else self.history
         return past.remembered()
 
     def pieces(self, max_samples: int) -> Iterator[FitRecord]:
-        """Cut it for an iron that wipes out by turning points; each remembers those before it."""
+        """Split the record for iron with the wiping-out property; each piece has its own history."""
         if self.input.size <= max_samples:
             yield self
             return
@@ -202,9 +202,9 @@ class FitRecord:
             lead = lead.extended(self.input[part], self.gap).remembered()
 
     def thinned(self, max_samples: int) -> FitRecord:
-        """Take at most about `most` samples, and more in steep parts.
+        """Return about `max_samples` samples at most, plus more in steep parts.
 
-        With more in steep parts, each sample represents the measured samples around it.
+        With more samples in steep parts, each sample represents the measured samples around it.
         """
         samples = thin_rows(self.input, max_samples, self.output)
         shares = None if self.sample_shares is None else self.sample_shares[samples]
@@ -230,7 +230,7 @@ class FitRecords:
     """All loops of one identification, and the scales of their quantities."""
 
     loops: tuple[FitRecord, ...]
-    nodes: FloatArray  # scheduling values, ascending; empty if nothing is scheduled
+    nodes: FloatArray  # scheduling values, ascending; empty without a scheduling variable
     input_span: float  # largest absolute input, SI
     output_span: float  # largest absolute output, SI
     rest: RestReadings = field(
@@ -239,19 +239,19 @@ class FitRecords:
 
     @property
     def gap_count(self) -> int:
-        """Number of parameter sets that differ by the gap; one if nothing is scheduled."""
+        """Number of parameter sets for different gaps; one without a scheduling variable."""
         return max(1, self.nodes.size)
 
     @property
     def reference_gap(self) -> int:
-        """Gap with the largest output: there the iron is driven furthest and shows most."""
+        """Index of the gap with the largest output, at which the iron is driven furthest."""
         sizes = np.zeros(self.gap_count)
         for record in self.loops:
             sizes[record.gap] = max(sizes[record.gap], float(np.max(np.abs(record.output))))
         return int(np.argmax(sizes))
 
     def at_gap(self, gap: int) -> FitRecords:
-        """Only one gap, as a problem of its own with the same scales."""
+        """Return only the loops of one gap, with the same scales."""
         records = tuple(
             replace(record, gap=0, history=record.history.only_at(gap))
             for record in self.loops
@@ -260,7 +260,7 @@ class FitRecords:
         return replace(self, loops=records, nodes=self.nodes[gap : gap + 1])
 
     def without_gaps(self, withheld: Collection[int]) -> FitRecords:
-        """Take all gaps but these, numbered again from zero."""
+        """Return the loops of all other gaps, numbered again from zero."""
         kept_gaps = [gap for gap in range(self.gap_count) if gap not in withheld]
         new_gaps = {old: new for new, old in enumerate(kept_gaps)}
         loops = tuple(
@@ -271,14 +271,14 @@ class FitRecords:
         return replace(self, loops=loops, nodes=self.nodes[kept_gaps])
 
     def without_loops(self, withheld: Collection[int]) -> FitRecords:
-        """Take all loops but these, by their places."""
+        """Return all loops except those with some indices."""
         records = tuple(record for index, record in enumerate(self.loops) if index not in withheld)
         return replace(self, loops=records)
 
     def without_blocks(self, withheld: Collection[int], blocks_per_loop: int) -> FitRecords:
-        """Leave blocks of samples out of the fit, but not out of the drive.
+        """Exclude blocks of samples from the fit, but not from the drive.
 
-        Each record has `blocks` of equal way, numbered on from record to record.
+        Each record has `blocks_per_loop` blocks of equal travel, numbered on from record to record.
         """
         numbers = (
             i * blocks_per_loop + block_numbers_along(d.input, blocks_per_loop)
@@ -291,21 +291,22 @@ class FitRecords:
         return replace(self, loops=loops)
 
     def thinned(self, max_samples: int) -> FitRecords:
-        """Take at most about `most` samples of each loop, weighing the same together.
+        """Return about `max_samples` samples of each loop at most, with the same total weight.
 
-        The exact step does not care how densely a path is sampled, so a search may.
+        The result of the exact step does not depend on the sampling of a path, so a search may use
+        fewer samples.
         """
         return replace(self, loops=tuple(record.thinned(max_samples) for record in self.loops))
 
 
 def block_numbers_along(drive: FloatArray, blocks: int) -> NDArray[np.intp]:
-    """Return the block of each sample, where a drive is cut into blocks of equal travel."""
+    """Return the block of each sample, for blocks of equal travel of the drive."""
     travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
     return np.asarray(np.minimum(travelled / travelled[-1] * blocks, blocks - 1), dtype=np.intp)
 
 
 def relative_times(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
-    """Time since the first sample at each gap, in parts of the longest such time."""
+    """Return the time since the first sample at each gap, relative to the longest such time."""
     clocks = []
     for group in groups:
         times = [loop.time for loop in group if loop.time is not None]
@@ -320,7 +321,7 @@ def relative_times(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
 
 
 def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
-    """Weights whose sum of squares over all samples is 1 for outputs of the size of the span."""
+    """Return weights with a unit sum of squares over all samples for outputs of full scale."""
     total = sum(loop.n for loop in loops)
     if weighting == "points":
         return [1.0 / (span * np.sqrt(total))] * len(loops)
@@ -338,7 +339,7 @@ def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
 def make_fit_records(
     loopset: Loops, weighting: str = "loops", rest: RestReadings | None = None
 ) -> FitRecords:
-    """Make the loops of a set ready for fitting."""
+    """Prepare the loops of a set for fitting."""
     if weighting not in WEIGHTINGS:
         raise InputError(
             f"weights: '{weighting}' is unknown; use one of {', '.join(WEIGHTINGS)}",
@@ -376,7 +377,7 @@ def make_fit_records(
 
 
 def _input_history(loop: Loop, nodes: FloatArray, gap: int, offset: float) -> InputHistory:
-    """Return what was before a loop; what was beyond the outermost gaps counts as at these."""
+    """Return the input before a loop; gaps beyond the outermost nodes are limited to these."""
     drive = np.asarray(loop.history.turning_points, dtype=np.float64) - offset
     if not loop.history.schedule:
         return InputHistory.at(drive, gap)
@@ -389,36 +390,35 @@ def _input_history(loop: Loop, nodes: FloatArray, gap: int, offset: float) -> In
 
 @dataclass(frozen=True, eq=False)
 class InputHistory:
-    """Turning points of the input, in their order."""
+    """Input reversals in their order, with the gap of each."""
 
     drive: FloatArray  # SI; shape (n,)
-    # where each was: the place of its gap among those of the problem, a fraction between two of
-    # them; shape (n,)
+    # index of the gap of each reversal, with fractions between two gaps; shape (n,)
     gap_position: FloatArray
 
     @classmethod
     def at(cls, drive: FloatArray, gap: int) -> InputHistory:
-        """Return a past at one gap."""
+        """Return a history at one gap."""
         return cls(drive, np.full(drive.size, float(gap)))
 
     def extended(self, drive: FloatArray, gap: int) -> InputHistory:
-        """Go on at a gap."""
+        """Return the history followed by a drive at a gap."""
         gaps = np.full(drive.size, float(gap))
         return InputHistory(
             np.concatenate([self.drive, drive]), np.concatenate([self.gap_position, gaps])
         )
 
     def only_at(self, gap: int) -> InputHistory:
-        """Take what was at one gap, as if there were no other."""
+        """Return only the reversals at one gap."""
         is_at_gap = self.gap_position == gap
         return InputHistory.at(self.drive[is_at_gap], 0)
 
     def renumbered(self, keep: list[int]) -> InputHistory:
-        """Renumber the gaps where only some are kept; what was between stays between."""
+        """Renumber the gaps if only some are kept; positions between gaps stay between them."""
         return InputHistory(self.drive, np.interp(self.gap_position, keep, np.arange(len(keep))))
 
     def remembered(self) -> InputHistory:
-        """Take what play cells can keep of it: closed cycles at one gap are left out."""
+        """Return the part that play cells can remember, without closed cycles at one gap."""
         if not self.drive.size:
             return self
         edges = np.flatnonzero(np.diff(self.gap_position)) + 1
@@ -430,10 +430,11 @@ class InputHistory:
 
 
 def remembered_reversals(drive: FloatArray) -> FloatArray:
-    """Return what play cells can keep of a drive: its ends and turning points, closed cycles left out.
+    """Return the ends and reversals of a drive that play cells can remember, without closed cycles.
 
-    A cycle is closed where both its neighbours reach beyond it. That holds wherever zero is, which
-    the offset of the drive moves; so what only a demagnetised start would wipe out is kept.
+    A cycle is closed if both neighbours exceed it. This test does not depend on the zero of the
+    drive, which its offset changes. Therefore, reversals that only a demagnetised start would wipe
+    out are kept.
     """
     direction = np.sign(np.diff(drive))
     moving = np.flatnonzero(direction)

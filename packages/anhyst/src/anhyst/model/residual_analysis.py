@@ -1,9 +1,9 @@
-"""Whether a fit is done: how much of what it leaves is noise, of what shape the rest is, in one line.
+"""Decide whether the residual of a fit is noise, and describe its shape and remedy in one line.
 
-A fit is done when what it leaves looks like noise. Signs that keep and samples that go with those
-before them say that it does not (:func:`_is_white`). Then every cause has the shapes that it leaves
-(:mod:`.residual_shapes`); noise that is filtered or comes in steps goes with the samples before it too,
-so a shape counts only where it explains more than such noise would by chance.
+Signs and products of successive samples test whether a residual is white (:func:`_is_white`). If it
+is not, it is compared with the shapes that typical causes produce (:mod:`.residual_shapes`).
+Filtered or quantised noise is correlated too, so a shape counts only if it explains more than such
+noise would explain by chance.
 """
 
 from __future__ import annotations
@@ -31,41 +31,45 @@ from anhyst.model.residual_shapes import (
 from anhyst.support.numeric import FloatArray
 
 NEGLIGIBLE_DEVIATION = 1e-4
-"""Deviation, in parts of the largest output, that no sensor sees."""
+"""Deviation below any sensor resolution, relative to the largest output."""
 
 MAX_WORST_IN_RMS = 8.0
-"""Largest deviation in units of the rms that noise may reach. Normal noise of 1e6 samples reaches 5."""
+"""Largest deviation that noise may reach, as a multiple of its rms. Normal noise of 1e6 samples
+reaches 5."""
 MIN_OUTLIER = 0.01
-"""Smallest deviation that is reported as an outlier, in parts of the full scale."""
+"""Smallest deviation that is reported as an outlier, relative to full scale."""
 _MIN_JUMP_SHARE = 0.1
-"""Step of the input between two samples, in parts of its range, that is called a jump."""
+"""Step of the input between two samples, relative to its range, above which it is a jump."""
 
 MAX_UNEXPLAINED = 0.05
-"""Largest rms deviation beyond the noise, in parts of the full scale, with which a model is usable."""
+"""Largest rms deviation beyond the noise, relative to full scale, of a usable model."""
 _MAX_CERTAIN_NOISE_RATIO = 2.0
-"""Largest rms in units of the noise of the record that is noise, if the model would be unusable."""
+"""Largest rms that counts as noise, as a multiple of the noise of the record, for an unusable
+model."""
 
 _MAX_STEPS_PER_DIFFERENCE = 3
-"""Steps of a converter in the smallest difference of two outputs, at most."""
+"""Largest number of converter steps in the smallest difference of two outputs."""
 _MAX_LAG_SAMPLES = 4
-"""Samples before one, with which it may go."""
+"""Number of earlier samples with which the correlation of a sample is tested."""
 _MAX_WHITE_SIGMAS = 3.1
-"""Standard deviations by which white noise may go with what was before it, or keep its sign."""
+"""Standard deviations of the tests for white noise, above which the residual is not white."""
 _MAX_RECORD_SAMPLES = 300
 _MAX_TOTAL_SAMPLES = 1500
 _MIN_RECORD_SAMPLES = 40
-"""Samples of a record, and of all, that are looked at for shapes, at most; but so many of each."""
+"""Maximum number of samples per record and of all records for the analysis of shapes, and minimum
+number per record."""
 _MAX_NOISE_RATIO = 6.0
-"""Smooth deviations this many times the noise of the record are no filtered noise."""
+"""Smooth residuals above this multiple of the noise of the record are not filtered noise."""
 _EQUAL_WORTH_SHARE = 0.97
-"""Share of what the best shape explains with which one of fewer numbers is preferred."""
+"""Share of the sum of squares of the best shape with which a shape of fewer parameters is
+preferred."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outlier:
     """The largest deviation of a fit, which is too large for noise of its rms."""
 
-    size: float  # in parts of the full scale
+    size: float  # relative to full scale
     record: int  # index of the record
     sample: int  # index of the sample in the record
     is_at_jump: bool  # whether the input jumps there
@@ -75,14 +79,15 @@ class Outlier:
 class ResidualAnalysis:
     """The residual of a fit, and its causes."""
 
-    rms: float  # all of it, in parts of the largest output
-    noise: float  # what of it is noise of the sensors, in the same parts
-    beyond_noise: float = 0.0  # what of it is none; zero where the fit is done
-    # shapes of this and the share of its variance that they explain, the largest first; empty where
-    # it has none of those known
+    rms: float  # of all samples, relative to the largest output
+    noise: float  # rms of the sensor noise, relative to the largest output
+    beyond_noise: float = 0.0  # rms without the noise; zero if the residual is noise
+    # shapes of the residual and the share of its variance that they explain, the largest first;
+    # empty if no known shape was found
     shapes: tuple[tuple[Shape, float], ...] = ()
-    start_samples: int = 0  # samples at the beginning of a record in which a wrong start shows
-    # largest deviation, if the rms does not explain it; what else is said is without such samples
+    start_samples: int = 0  # samples at the start of a record with the effect of a wrong history
+    # largest deviation, if noise of this rms cannot reach it; the other fields except rms then
+    # exclude such samples
     outlier: Outlier | None = None
 
     @property
@@ -92,12 +97,12 @@ class ResidualAnalysis:
 
     @property
     def unexplained(self) -> float:
-        """Return the rms of all samples beyond the noise, in parts of the full scale."""
+        """Return the rms of all samples beyond the noise, relative to full scale."""
         return math.sqrt(max(self.rms**2 - self.noise**2, 0.0))
 
 
 def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalysis:
-    """Assess the residual of a fit."""
+    """Separate the residual of a fit into noise, shapes and outliers; `span` is the full scale."""
     deviation = np.concatenate([record.deviation for record in records])
     rms = float(np.sqrt(np.mean(deviation**2))) / span
     outputs = np.concatenate([record.measured for record in records])
@@ -113,7 +118,8 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
             for each in records
         ]
         return replace(analyse_residual(without_outliers, span), rms=rms, outlier=outlier)
-    # White is not enough: a resonance that a random input excites leaves a white residual, too.
+    # A white residual may still be too large: a resonance with a random input leaves white
+    # residuals.
     noise_rms = float(
         np.mean(
             [min(estimate_noise(each.measured), estimate_noise(each.deviation)) for each in records]
@@ -149,7 +155,7 @@ def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outli
 
 
 def _quantisation_step(values: FloatArray) -> float:
-    """Step of a converter or of written digits: what all differences are multiples of; else zero."""
+    """Return the step of which all differences of values are multiples; zero if there is none."""
     steps = np.diff(np.unique(values))
     steps = steps[steps > 1e-9 * float(np.ptp(values))]
     if not steps.size:
@@ -162,7 +168,7 @@ def _quantisation_step(values: FloatArray) -> float:
 
 
 def _is_white(deviations: Sequence[FloatArray]) -> bool:
-    """Whether no sample goes with those before it, by signs and by products."""
+    """Whether samples are uncorrelated with earlier ones, by their signs and products."""
     signs = [np.sign(deviation[deviation != 0.0]) for deviation in deviations]
     pairs = sum(max(sign.size - 1, 0) for sign in signs)
     equal_signs = sum(int(np.sum(sign[1:] == sign[:-1])) for sign in signs)
@@ -183,14 +189,14 @@ def _is_white(deviations: Sequence[FloatArray]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _ShapeVariant:
-    """One way in which a shape may show: orthonormal columns, and what noise gives by chance."""
+    """One variant of a shape: orthonormal columns, and the sum of squares expected from noise."""
 
     shape: Shape
     columns: FloatArray
     expected_squares: float
 
     def excess_squares(self, rest: FloatArray) -> float:
-        """Sum of squares of that part, less chance."""
+        """Return the sum of squares that the columns explain beyond the noise."""
         along = self.columns.T @ rest
         return float(along @ along) - self.expected_squares
 
@@ -198,7 +204,7 @@ class _ShapeVariant:
 def _attribute_to_shapes(
     records: Sequence[Residual], rms: float, span: float, noise_limits: tuple[float, float]
 ) -> ResidualAnalysis:
-    """Find the shapes that the residual certainly has, beyond the likely and the largest noise."""
+    """Find the shapes of the residual that noise cannot explain."""
     noise_rms, max_noise = noise_limits
     deviation = np.concatenate([record.deviation for record in records])
     bases = [
@@ -211,7 +217,7 @@ def _attribute_to_shapes(
     noise_model = estimate_coloured_noise(deviation, all_shapes, sizes)
     if rms * span > max(
         max_noise, NEGLIGIBLE_DEVIATION * span
-    ):  # no filtered noise: curves, however fine
+    ):  # too large for filtered noise: any smooth curve counts
         white_variance = max(noise_rms, NEGLIGIBLE_DEVIATION * span) ** 2
         noise_model = ColouredNoise(
             tuple(sizes), white_variance, 0.0, float(max(deviation.size - all_shapes.shape[1], 2))
@@ -223,7 +229,8 @@ def _attribute_to_shapes(
     attributed: list[tuple[Shape, float]] = []
     remaining, start_samples = deviation, 0
     while variants:
-        # The shape that explains most, or one with fewer numbers that explains almost as much.
+        # Select the shape that explains most, or one with fewer parameters that explains almost as
+        # much.
         excesses = [entry.excess_squares(remaining) for entry in variants]
         min_excess = max(excesses) - (1.0 - _EQUAL_WORTH_SHARE) * abs(max(excesses))
         good_variants = [
@@ -258,7 +265,7 @@ def _attribute_to_shapes(
 def _count_start_samples(
     records: Sequence[Residual], explained: FloatArray, variance: float
 ) -> int:
-    """Count samples at the beginning of a record until a wrong start no longer shows."""
+    """Count the samples at the start of records until the effect of a wrong history has faded."""
     longest, start = 0, 0
     for record in records:
         visible = np.flatnonzero(
@@ -270,11 +277,11 @@ def _count_start_samples(
 
 
 _MIN_SECOND_SHARE = 0.2
-"""Share of what is no noise from which a second shape is named."""
+"""Share of the residual beyond the noise above which a second shape is named."""
 
 
 def analyse_loops(loopset: Loops, fitted: Sequence[FloatArray]) -> ResidualAnalysis:
-    """Judge what a model leaves of loops."""
+    """Analyse the residual of a model on measured loops."""
     records = []
     for loop, output in zip(loopset.loops, fitted, strict=True):
         values, schedule_value = loopset.schedule_values, loop.schedule_value
@@ -285,7 +292,7 @@ def analyse_loops(loopset: Loops, fitted: Sequence[FloatArray]) -> ResidualAnaly
 
 
 def explain_rejection(residual: ResidualAnalysis, loopset: Loops) -> str:
-    """Return why a model must not be used; empty if its deviation is small, or is noise."""
+    """Return why a model must not be used; empty if its deviation is small or is noise."""
     if residual.unexplained <= MAX_UNEXPLAINED:
         return ""
     text = (
@@ -305,7 +312,7 @@ def explain_rejection(residual: ResidualAnalysis, loopset: Loops) -> str:
 
 
 def describe_residual(residual: ResidualAnalysis, loopset: Loops, model: Model) -> str:
-    """Return one line: how much of the residual is noise, its shape, the remedy, and outliers."""
+    """Describe in one line: the share of noise, the shape, the remedy and outliers."""
     text, outlier = _residual_text(residual, loopset, model), residual.outlier
     if outlier is None:
         return text
@@ -353,10 +360,10 @@ def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> 
 
 
 class _ShapeText(NamedTuple):
-    """How a shape of the residual is called, and what helps."""
+    """Texts for a shape of the residual, and the remedy."""
 
-    what: str  # if it is the largest
-    short: str  # after the largest
+    what: str  # if it is the largest shape
+    short: str  # if it is the second shape
     advice: str
 
 
