@@ -1,4 +1,10 @@
-"""The least-squares problem of play cells with lag and creep, over loops of a displacement."""
+"""Set up the least-squares problem of play cells with lag and creep, for loops of a displacement.
+
+For a given lag and middle of the curves, the output is linear in the cell weights, the creep shares
+and the offset. :class:`CellProblem` computes the columns of this problem, and :class:`System`
+solves it with weights not below zero. Samples before the first far end of a record are excluded,
+because they depend on an uncertain history.
+"""
 
 from __future__ import annotations
 
@@ -27,32 +33,36 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 MIDDLE_POSITIONS = (-2.0, -1.0, -0.5, 0.0, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
-"""Of the curves, in ranges of the input above its lowest value."""
+"""Middles of the curves that are tried, relative to the lowest input, in input ranges."""
 
-LAG_SAMPLES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # in samples
+LAG_SAMPLES = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # tried lags, in samples
 
 MAX_LAG_SAMPLES_AT_ONE_RATE = 1.0
-"""Of these, where all loops run at about one rate: there a lag and a wider loop are all but the same."""
+"""Largest lag that is tried if all loops have about one rate, at which a lag and a wider loop are
+barely separable."""
 
-MIN_RATE_RATIO = 3.0  # fastest loop over slowest one from which on a lag is told from a wider loop
-CREEP_TIME_SHARES = (1 / 200, 1 / 10, 2.0)  # time constants, in parts of the longest record
-MIN_SAMPLES_PER_TIME_CONSTANT = 3.0  # a time constant is this many samples at least
+MIN_RATE_RATIO = (
+    3.0  # ratio of the fastest to the slowest cycle rate above which lag and width are separable
+)
+CREEP_TIME_SHARES = (1 / 200, 1 / 10, 2.0)  # time constants, relative to the longest record
+MIN_SAMPLES_PER_TIME_CONSTANT = 3.0  # smallest time constant, in samples
 
 STRAIGHT_SLOPE_SHARE = 0.02
-"""Share of the straight part in the mean slope. The model must have one; what is straight beyond is a
-cell on the widest curve, so that the saturation of all cells is more than the output ever is."""
+"""Share of the fixed straight part in the mean slope, which the model must have. Any further
+straight part is a cell with the widest curve, so that the saturation of all cells exceeds every
+output."""
 
 OUTLIER_RATIO = 10.0
-"""Deviation, in parts of the usual one, from which on a sample shows no loop but a spike, or that the
-amplifier was switched on."""
+"""Multiple of the median deviation above which a sample is an outlier, such as a spike or the start
+of the amplifier."""
 
-FAR_END_SHARE = 0.98  # of the way to the far end
-MAX_UNKNOWN_SHARE = 0.3  # of a record, that may be left out as its first rise
-MAX_OUTLIER_SHARE = 0.02  # most samples that may be left out as such
-MAX_SAMPLES = 20_000  # that are fitted
+FAR_END_SHARE = 0.98  # share of the input range at which the far end counts as reached
+MAX_UNKNOWN_SHARE = 0.3  # share of a record, at most, that is excluded as an initial curve
+MAX_OUTLIER_SHARE = 0.02  # share of samples, at most, that are excluded as outliers
+MAX_SAMPLES = 20_000  # fitted samples, at most
 
 MAX_NOISE_RATIO = 1.1
-"""Deviation, in parts of the noise, up to which the noise explains it and no grid is tried."""
+"""Residual relative to the noise up to which noise explains it, so that no grid is tried."""
 
 MAX_FOLDS = 5
 """Maximum number of parts that are withheld one after the other: loops, or blocks of few loops."""
@@ -61,20 +71,19 @@ BLOCKS_PER_FOLD = 20
 """Blocks of a record that are withheld together. With fewer, a fold lacks whole branches; a grid then
 has to extrapolate, and its error says nothing about other records."""
 
-MIN_LOOPS_TO_WITHHOLD = 3  # loops from which on whole loops are withheld
-MAX_CENTRE_SHARE = (
-    0.1  # middle of the range of the input, in parts of it, up to which an even grid is tried
-)
+MIN_LOOPS_TO_WITHHOLD = 3  # smallest number of loops for withholding whole loops
+MAX_CENTRE_SHARE = 0.1
+"""Largest distance of the input's middle from zero, in input ranges, for trying an even grid."""
 
 LAW = "play-cells"
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What the least-squares problem cannot vary, and the result of solving it."""
+    """Nonlinear settings of the least-squares problem, and the solution for them."""
 
     lag: float  # s
-    middle: float  # of the curves (``in_0``)
+    middle: float  # middle of the curves (``in_0``)
     creep_times: tuple[float, ...] = ()  # time constants of the creep, s
     smoothness: float = SMOOTHNESS
     weights: FloatArray | None = None
@@ -83,16 +92,18 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """A least-squares problem with weights not below zero."""
+    """A linear least-squares problem with weights not below zero."""
 
     basis: CellBasis
-    matrix: FloatArray  # columns: weights of the cells, of the creep, and the offset either way
+    matrix: (
+        FloatArray  # columns: weights of the cells, of the creep, and positive and negative offset
+    )
     target: FloatArray
-    fold_numbers: NDArray[np.intp]  # of each row: with which others it is withheld
+    fold_numbers: NDArray[np.intp]  # number of the fold in which each row is withheld; -1: never
 
     @cached_property
     def solved_columns(self) -> NDArray[np.bool_]:
-        """The columns that are solved for."""
+        """Whether each column is solved for."""
         curve_count = self.basis.thresholds.size * self.basis.widths.size
         is_solved = np.ones(self.matrix.shape[1], dtype=np.bool_)
         is_solved[:curve_count] = self.basis.solved_columns(self.matrix[:, :curve_count])
@@ -100,19 +111,19 @@ class System:
 
     @cached_property
     def roughness(self) -> FloatArray:
-        """Sum of the squared second differences of the weights, as a quadratic form."""
+        """Quadratic form of the sum of squared second differences of the weights."""
         differences = self.basis.second_differences(self.solved_columns)
         return np.asarray(differences.T @ differences)
 
     def solve(self, attempt: Trial, height: float) -> Trial:
-        """Solve for the weights of a trial."""
+        """Return a trial with its solved weights and rms residual."""
         matrix = self.matrix[:, self.solved_columns]
         weights = self._solve_weights(matrix.T @ matrix, matrix.T @ self.target, attempt.smoothness)
         residual = self.matrix @ weights - self.target
         return replace(attempt, weights=weights, rms=float(np.linalg.norm(residual)) * height)
 
     def withheld_errors(self, smoothness_values: Sequence[float]) -> list[float]:
-        """Return, for each smoothness, the deviation at parts withheld one after the other."""
+        """Return, for each smoothness, the rms error at parts that are withheld in turn."""
         matrix = self.matrix[:, self.solved_columns]
         normal, rhs = matrix.T @ matrix, matrix.T @ self.target
         square_sums = np.zeros(len(smoothness_values))
@@ -159,7 +170,7 @@ class CellProblem:
             )
         self.slope = STRAIGHT_SLOPE_SHARE * self.height / self.span
         self.basis = make_common_basis(self.span)
-        # where the curves may have their middle, in units of the input
+        # tried middles of the curves, in units of the input
         self.middles = [self.low + part * self.span for part in MIDDLE_POSITIONS]
         self._plays: dict[tuple[float, float], list[tuple[FloatArray, FloatArray]]] = {}
         self._columns: tuple[tuple[float, float], list[FloatArray]] | None = None
@@ -169,7 +180,8 @@ class CellProblem:
     def make_grid_problems(self) -> list[CellProblem]:
         """Return the same problem with curves on a grid from the low end of the input.
 
-        If the input goes about as far to either side of zero, an even grid is added.
+        If the input range is almost symmetrical about zero, a grid that is even in the input is
+        added.
         """
         middle = self.low + 0.5 * self.span
         problems = []
@@ -182,9 +194,9 @@ class CellProblem:
         return problems
 
     def include_initial_curves(self) -> CellProblem:
-        """Return the same problem in which first rises count that begin where the cells do.
+        """Return the same problem with initial curves that begin at the middle of the cells.
 
-        Before such a rise, the input was nowhere else. A grid has curves of their own for these.
+        Before such a curve, the input was nowhere else. A grid has curves for these samples.
         """
         problem, masks = copy(self), []
         for loop, mask in zip(self.loopset.loops, self.fitted_masks, strict=True):
@@ -197,12 +209,12 @@ class CellProblem:
         return problem
 
     def exceeds_noise(self, attempt: Trial) -> bool:
-        """Whether a fit has a larger residual than the noise of the sensor explains."""
+        """Whether the residual of a fit exceeds the sensor noise."""
         noises = [estimate_noise(loop.output) for loop in self.loopset.loops]
         return attempt.rms > MAX_NOISE_RATIO * float(np.sqrt(np.mean(np.square(noises))))
 
     def remove_outliers(self) -> None:
-        """Leave out few samples that deviate from the best fit without a lag as no loop does."""
+        """Exclude a few samples that deviate strongly from the best fit without a lag."""
         solved = [self.solve(Trial(0.0, middle)) for middle in self.middles]
         best = min(solved, key=lambda attempt: attempt.rms)
         assert best.weights is not None
@@ -224,13 +236,13 @@ class CellProblem:
 
     @cached_property
     def clocks(self) -> list[FloatArray]:
-        """Times of the samples of each loop, s; empty where a loop has none."""
+        """Times of the samples of each loop, s; empty if any loop has no time."""
         clocks = [loop.time for loop in self.loopset.loops if loop.time is not None]
         return clocks if len(clocks) == len(self.loopset) else []
 
     @cached_property
     def sample_time(self) -> float:
-        """Time from sample to sample, s; 0 where a loop has none."""
+        """Smallest median time between samples, s; 0 if any loop has no time."""
         return float(min((np.median(np.diff(clock)) for clock in self.clocks), default=0.0))
 
     @property
@@ -240,7 +252,7 @@ class CellProblem:
 
     @property
     def lags(self) -> list[float]:
-        """That are tried, s."""
+        """Lags that are tried, s."""
         if not self.sample_time:
             return [0.0]
         one_rate = max(self.rates) < MIN_RATE_RATIO * min(self.rates)
@@ -262,7 +274,7 @@ class CellProblem:
         )
 
     def play_positions(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
-        """Return the places of the cells over each loop, and at rest before it, from the middle."""
+        """Return the positions of the cells in each loop, and before it, relative to the middle."""
         if (lag, middle) not in self._plays:
             self._plays |= {(lag, other): [] for other in self.middles}
             middles, thresholds = np.array(self.middles)[:, None], self.basis.thresholds
@@ -270,7 +282,7 @@ class CellProblem:
                 drive = loop.input
                 if lag and loop.time is not None:
                     drive = Dynamics(lag).delayed(drive, loop.time)
-                # Cells begin in the middle.
+                # Cells start in the middle.
                 path = _input_before(loop.history, drive) - middles
                 path = np.concatenate([np.zeros_like(middles), path], axis=1)
                 start = np.zeros((middles.size, thresholds.size))
@@ -281,7 +293,7 @@ class CellProblem:
         return self._plays[lag, middle]
 
     def outputs(self, attempt: Trial) -> list[tuple[FloatArray, float]]:
-        """Return the output of weights over each loop and before it, without creep and offset."""
+        """Return the output of weights in each loop and before it, without creep and offset."""
         assert attempt.weights is not None
         outputs, plays = [], self.play_positions(attempt.lag, attempt.middle)
         for columns, (fields, at_rest) in zip(self.columns(attempt), plays, strict=True):
@@ -291,7 +303,7 @@ class CellProblem:
         return outputs
 
     def columns(self, attempt: Trial) -> list[FloatArray]:
-        """Return what each weight gives over each loop; the last ones are remembered."""
+        """Return the output of each unit weight in each loop; the last result is cached."""
         key = attempt.lag, attempt.middle
         if self._columns is None or self._columns[0] != key:
             self._columns = (
@@ -301,7 +313,7 @@ class CellProblem:
         return self._columns[1]
 
     def solve(self, attempt: Trial, creeping: Sequence[FloatArray] = ()) -> Trial:
-        """Solve for weights; the creep follows the output of the weights that are known already."""
+        """Solve for the weights of a trial; creep follows the output of its previous weights."""
         self.solve_count += 1
         if attempt.creep_times and not creeping:
             creeping = self.creep_responses(attempt, attempt.creep_times)
@@ -310,7 +322,7 @@ class CellProblem:
     def deviation(
         self, attempt: Trial, creeping: Sequence[FloatArray], masks: list[NDArray[np.bool_]]
     ) -> float:
-        """Return the root mean square deviation of a solved trial over some samples."""
+        """Return the rms deviation of a solved trial over some samples, relative to the height."""
         assert attempt.weights is not None
         system = self.make_system(attempt, creeping, masks)
         return float(np.linalg.norm(system.matrix @ attempt.weights - system.target))
@@ -321,7 +333,7 @@ class CellProblem:
         creep_responses: Sequence[FloatArray] = (),
         masks: list[NDArray[np.bool_]] | None = None,
     ) -> System:
-        """Return the least-squares problem of a trial, with the slow responses over each loop."""
+        """Return the least-squares problem of a trial, given the creep responses in each loop."""
         rows, targets, folds = [], [], []
         plays, columns = self.play_positions(attempt.lag, attempt.middle), self.columns(attempt)
         for index, loop in enumerate(self.loopset.loops):
@@ -337,10 +349,11 @@ class CellProblem:
 
     @cached_property
     def fold_numbers(self) -> list[NDArray[np.intp]]:
-        """Return with which others each sample is withheld; -1 for samples that never are.
+        """Fold in which each sample is withheld; -1 for samples that are never withheld.
 
-        Without the ends of a record, or its largest loops, a fit has to extrapolate, and all fits
-        are then alike. A first rise that few curves do not fit is no part of the comparison.
+        The ends of a record and the largest loops are never withheld, because a fit without them
+        would have to extrapolate, and all candidates would be equally bad. Initial curves are not
+        compared either.
         """
         loops = self.loopset.loops
         if len(loops) < MIN_LOOPS_TO_WITHHOLD:
@@ -359,7 +372,7 @@ class CellProblem:
         ]
 
     def creep_responses(self, attempt: Trial, creep_times: tuple[float, ...]) -> list[FloatArray]:
-        """Return the slow responses to the output of a trial, a column for each time constant."""
+        """Return the slow responses to the output of a trial, one column per time constant."""
         responses = []
         for loop, (output, rest_output) in zip(
             self.loopset.loops, self.outputs(attempt), strict=True
@@ -377,7 +390,7 @@ class CellProblem:
         return responses
 
     def make_model(self, attempt: Trial) -> Model:
-        """Return the model of a solution."""
+        """Return the model of a solved trial."""
         assert attempt.weights is not None
         cell_weight_count = self.basis.thresholds.size * self.basis.widths.size
         slope, weights = self.slope, attempt.weights[:cell_weight_count] / self.slope
@@ -410,7 +423,7 @@ class CellProblem:
 
 
 def thin_loops(loopset: Loops) -> Loops:
-    """Thin long records to every n-th sample."""
+    """Reduce long records to every n-th sample."""
     step = 1 + sum(loop.n for loop in loopset.loops) // MAX_SAMPLES
     if step == 1:
         return loopset
@@ -427,7 +440,7 @@ def thin_loops(loopset: Loops) -> Loops:
 
 
 def _mask_known_samples(loop: Loop) -> NDArray[np.bool_]:
-    """Return from where on it does not matter how a body came to rest: after the first far end."""
+    """Return a mask of the samples that do not depend on the initial state, after the far end."""
     mask = np.ones(loop.n, dtype=np.bool_)
     if loop.history.kind == "settled":
         return mask
@@ -439,6 +452,6 @@ def _mask_known_samples(loop: Loop) -> NDArray[np.bool_]:
 
 
 def _input_before(history: History, drive: FloatArray) -> FloatArray:
-    """Return what moved the cells before a loop."""
+    """Return the input that moved the cells before a loop."""
     points = np.array(history.turning_points)
     return np.concatenate([points, drive]) if history.kind == "settled" else points

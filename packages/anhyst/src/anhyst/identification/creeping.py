@@ -1,10 +1,10 @@
-"""The fit of play cells with lag and creep: what deforms under a voltage, not what is magnetised.
+"""Fit play cells with lag and creep to actuators that deform under a voltage, such as piezo stacks.
 
-The places of the cells depend on the drive and the thresholds alone. Therefore, all weights, the
-creep and the offset come from one least-squares problem with weights not below zero. Around it, a
-few numbers are tried: the lag, and where the curves of the cells have their middle (``in_0``). A
-loop that bends to one side has its middle beyond that side. If the residual exceeds the noise,
-curves on a grid are tried as well, and kept if they predict withheld samples better.
+The positions of the cells depend only on the drive and the thresholds. Therefore, all weights, the
+creep and the offset come from one least-squares problem with weights not below zero. The lag and
+the middle of the curves (``in_0``) are tried on a grid of values: a loop that bends to one side has
+its middle beyond that side. If the residual exceeds the noise, curves on a grid are fitted too, and
+used if they predict withheld samples better.
 """
 
 from __future__ import annotations
@@ -23,29 +23,30 @@ from anhyst.identification.run import Outcome
 from anhyst.model.actuator import Model
 from anhyst.model.schema import CandidateFit, Uncertainty
 
-MAX_CREEP_ERROR_RATIO = (
-    0.98  # deviation, in parts of that without, from which on lag or creep say nothing
+MAX_CREEP_ERROR_RATIO = 0.98
+"""Rms residual relative to that without creep, above which creep is not used."""
+EQUAL_LAG_ERROR_RATIO = (
+    0.995  # ratio of rms residuals within which lags are equal; the shortest is used
 )
-EQUAL_LAG_ERROR_RATIO = 0.995  # the same of a shorter lag: of lags that do as well, the shortest
-CREEP_ROUNDS = 3  # creep follows what the last round found
-MAX_RATE_ERROR_RATIO = (
-    1.5  # deviation, in parts of that of the slowest loops, up to which a model holds at a rate
-)
+CREEP_ROUNDS = 3  # rounds of fitting creep, each with the output of the round before
+MAX_RATE_ERROR_RATIO = 1.5
+"""Error relative to that of the slowest loops, up to which a model is valid at a cycle rate."""
 
 MAX_GRID_ERROR_RATIO = 0.7
-"""Error at withheld samples, in parts of that of few curves, up to which the grid is kept. Few curves
-separate creep better: on a real stack a grid with 0.73 predicts the second half of the record worse."""
+"""Largest ratio of errors at withheld samples, grid to few curves, with which the grid is used. Few
+curves separate creep better: on a real stack, a grid with 0.73 predicts the second half of the
+record worse."""
 
 CLOSE_GRID_FIT_RATIO = 0.5
-"""Deviation of the fit, in parts of that of few curves, up to which a grid that predicts withheld
-samples as well is kept."""
+"""Largest ratio of rms residuals, grid to few curves, with which an equally predictive grid is
+used."""
 
 EQUAL_GRID_ERROR_RATIO = 1.25
-"""Error at withheld samples, in parts of that of few curves, up to which a grid predicts as well."""
+"""Ratio of errors at withheld samples, grid to few curves, up to which a grid predicts as well."""
 
 MAX_INITIAL_CURVE_ERROR_RATIO = 1.1
-"""Error at withheld samples, in parts of that without the first rises, up to which these are fitted: a
-body that was not as its history says makes it larger."""
+"""Largest increase of the error at withheld samples with which initial curves are fitted. A wrong
+stated history increases the error."""
 
 
 def fit_creeping(loopset: Loops) -> Outcome:
@@ -59,8 +60,8 @@ def fit_creeping(loopset: Loops) -> Outcome:
     best = min(fits_without_creep, key=lambda attempt: attempt.rms)
     fit_without_lag = min(
         fits_without_creep, key=lambda attempt: (attempt.lag, attempt.rms)
-    )  # that without a lag
-    # Several lags do about as well where all cycles are alike: the shortest that does.
+    )  # fits without a lag
+    # If all cycles are similar, several lags fit equally well; the shortest is used.
     good_fits = [
         attempt for attempt in fits_without_creep if attempt.rms <= best.rms / EQUAL_LAG_ERROR_RATIO
     ]
@@ -117,7 +118,7 @@ def fit_creeping(loopset: Loops) -> Outcome:
 
 
 def _add_creep(problem: CellProblem, fits_without_creep: Sequence[Trial], chosen: Trial) -> Trial:
-    """Add creep to the best fits without it, and keep it where it pays."""
+    """Add creep to the best fits without it, and use it if it reduces the residual enough."""
     good_fits = sorted(fits_without_creep, key=lambda attempt: attempt.rms)[:4]
     fits = []
     for start in {id(each): each for each in (*good_fits, chosen)}.values():
@@ -142,7 +143,7 @@ def _fit_on_grid(
 ) -> tuple[CellProblem, Trial, float, float]:
     """Fit curves on a grid with the lag and the creep times of a fit with few curves.
 
-    Return the problem, the fit, and the errors of both at withheld samples, in parts of the height.
+    Return the problem, the fit, and both errors at withheld samples, relative to the output range.
     """
     creeping = (
         problem.creep_responses(few_curves_fit, few_curves_fit.creep_times)
@@ -186,7 +187,7 @@ def _fit_on_grid(
 
 
 def limit_rate(model: Model, loopset: Loops) -> tuple[Model, str]:
-    """Find the highest cycle rate at which a model holds, and its error above that."""
+    """Find the highest cycle rate at which a model is valid, and describe its error above it."""
     errors: dict[float, list[float]] = {}
     for loop in loopset.loops:
         output = model.predict(loop.input, None, loop.time, loop.history).output

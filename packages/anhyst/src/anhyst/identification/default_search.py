@@ -1,12 +1,12 @@
-"""The default search: screen one gap widely, descend from the best, then join the gaps.
+"""Search Jiles-Atherton parameters: screen one gap, descend from the best, join the gaps.
 
-1. Thousands of sets over the loops of the gap with the largest output (:mod:`.screening`).
-2. Least squares from the few best that differ, at that gap alone.
-3. For a gap map, the parameter that the map ties to the gap is scanned at every other gap with the
-   rest held, for the optimum of 2 and more sets of 1, and all gaps are fitted together from the
-   best. Under the map ``free`` nothing is shared: every gap is fitted like the first, then tied.
+1. Simulate many parameter sets for the loops of the gap with the largest output (:mod:`.screening`).
+2. Minimise the squared residuals at that gap from the few best sets that differ.
+3. For a gap map, scan its gap-dependent parameter at every other gap with the others fixed, for the
+   results of step 2 and further sets of step 1. Then fit all gaps together from the best. With the map
+   ``free``, fit every gap like the first one, then all together with a smoothness penalty.
 
-Everything random comes from the seed.
+All random numbers come from the seed.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from anhyst.identification.screening import cost_at_gap, scan_gap, screen_starts
 from anhyst.identification.space import CoordinateSpace
 from anhyst.support.numeric import FloatArray
 
-_MIN_STEPS_TO_EXTRAPOLATE = 5  # steps after which the pace of a descent says how far it comes
+_MIN_STEPS_TO_EXTRAPOLATE = 5  # steps after which the progress of a descent predicts its result
 
 
 def _damped_step(linear: Linearisation, free: NDArray[np.bool_], damping: float) -> FloatArray:
-    """Damped Gauss-Newton step in the free coordinates, zero in the others."""
+    """Return the damped Gauss-Newton step in the free coordinates; zero in the others."""
     normal = linear.normal[np.ix_(free, free)]
     diagonal = np.diag(normal)
     normal[np.diag_indices_from(normal)] += damping * np.maximum(diagonal, 1e-9 * diagonal.max())
@@ -40,7 +40,10 @@ def _damped_step(linear: Linearisation, free: NDArray[np.bool_], damping: float)
 def _weight_step(
     linear: Linearisation, theta: FloatArray, low: FloatArray, damping: float
 ) -> FloatArray:
-    """Best damped step above the lower bounds: of many weights most end there, together."""
+    """Return the best damped step with all weights above their lower bounds.
+
+    Many weights end at their bound at the same time, so bounds cannot be handled one by one.
+    """
     from scipy.optimize import nnls
 
     diagonal = np.diag(linear.normal)
@@ -53,14 +56,14 @@ def _weight_step(
 def descend(
     objective: Objective, theta: FloatArray, tolerance: float, max_steps: int, goal: float = np.inf
 ) -> tuple[FloatArray, float]:
-    """Least squares from a start, within the bounds of the space: coordinates and cost at the end.
+    """Minimise the squared residuals within the bounds of the space; return coordinates and cost.
 
-    A descent that at its pace would not come below its goal in the steps left, ends.
+    A descent ends early if, at its present rate, it cannot go below `goal` in the remaining steps.
 
-    Levenberg-Marquardt with Nielsen's damping; coordinates at a bound that the gradient presses
-    outward rest; the weights of cells take the best step within them (SciPy's ``nnls``). The problem
-    is tall and narrow (thousands of samples, ten coordinates), where the singular value
-    decompositions of a general solver cost several times the law itself.
+    The method is Levenberg-Marquardt with Nielsen's damping. Coordinates at a bound with an outward
+    gradient stay fixed. Cell weights use the best step within their bounds (SciPy's ``nnls``). A
+    general solver would need singular value decompositions of a tall matrix (thousands of samples,
+    ten coordinates), which cost several times as much as the law itself.
     """
     low, high = objective.space.bounds
     theta = np.clip(theta, low, high)
@@ -104,24 +107,22 @@ def descend(
 SCREENED_SETS = 256
 MAX_STARTS = 3
 SMOOTHED_MAPS = frozenset({"circuit", "free"})
-"""Maps with more to each gap than its loops determine, so that neighbouring gaps are tied."""
+"""Gap maps with more parameters than the loops of a gap determine; they get a smoothness penalty.
+"""
 
-SMOOTHNESS_WEIGHT = (
-    3e-3  # weight of the ties of such a map, relative to the cost of the fit without them
-)
+SMOOTHNESS_WEIGHT = 3e-3
+"""Weight of the smoothness penalty, relative to the cost of the fit without it."""
 COMPARISON_STOP = (
     1e-7,
     200,
-)  # tolerance and evaluations, at most, of a fit that is compared with others
-CONVERGED_STOP = (1e-8, 50)  # the same of the one that is chosen
-_SHORT_DESCENT_STEPS = (
-    6  # evaluations of a first descent: enough to distinguish a good valley from a bad one
-)
+)  # tolerance and maximum number of steps of a fit for comparison
+CONVERGED_STOP = (1e-8, 50)  # tolerance and maximum number of steps of the selected fit
+_SHORT_DESCENT_STEPS = 6  # steps of a first descent, enough to identify the better starts
 
 
 @dataclass(frozen=True, eq=False)
 class FoundModel:
-    """Outcome of a search under one gap map: coordinates, weighted sum of squares, evaluations."""
+    """Result of a search under one gap map: coordinates, cost and number of evaluations."""
 
     space: CoordinateSpace
     theta: FloatArray
@@ -134,12 +135,12 @@ class FoundModel:
         return [local for local, _ in self.space.unpack(self.theta)]
 
     def with_records(self, records: FitRecords) -> FoundModel:
-        """Take the same parameters to other records of the same gaps."""
+        """Return the same parameters with other records of the same gaps."""
         return replace(self, space=replace(self.space, records=records))
 
     @property
     def smoothness(self) -> float:
-        """Weight of the ties of its map, for a descent that goes on from here."""
+        """Weight of the smoothness penalty for a descent that continues from here."""
         return SMOOTHNESS_WEIGHT * self.cost if self.space.gap_map in SMOOTHED_MAPS else 0.0
 
 
@@ -151,7 +152,7 @@ def descend_from(
     smoothness: float = 0.0,
     goal: float = np.inf,
 ) -> FoundModel:
-    """Descend from a start and count; without a goal in reach (:func:`.descend`) it ends."""
+    """Descend from a start; it ends early without a reachable goal (:func:`descend`)."""
     objective = Objective(space, smoothness)
     theta_end, cost = descend(objective, theta, tolerance, max_steps, goal)
     return FoundModel(space, theta_end, cost, objective.evaluations)
@@ -160,7 +161,7 @@ def descend_from(
 def search_one_gap(
     form: ResponseForm, records: FitRecords, seed: int, fixed: frozenset[str]
 ) -> FoundModel:
-    """Fit one gap from scratch."""
+    """Fit one gap without initial values."""
     space = CoordinateSpace("none", records, form, fixed)
     return _descend_from_best(
         space, [[local] for local in screen_starts(space, SCREENED_SETS, MAX_STARTS, seed)]
@@ -168,7 +169,7 @@ def search_one_gap(
 
 
 def _descend_from_best(space: CoordinateSpace, starts: list[list[ParameterSet]]) -> FoundModel:
-    """Descend a little from each begin, and to the end from the best of them."""
+    """Descend for a few steps from each start, and to convergence from the best result."""
     max_steps = _SHORT_DESCENT_STEPS + space.records.gap_count
     short_fits = [descend_from(space, space.pack(sets), 1e-4, max_steps) for sets in starts]
     final = descend_from(space, min(short_fits, key=lambda fit: fit.cost).theta)
@@ -180,12 +181,12 @@ def _descend_from_best(space: CoordinateSpace, starts: list[list[ParameterSet]])
 def search_each_gap(
     form: ResponseForm, records: FitRecords, seed: int, fixed: frozenset[str]
 ) -> FoundModel:
-    """Fit every gap with parameters of its own: the map ``free``.
+    """Fit every gap with its own parameters: the map ``free``.
 
-    Each gap is fitted from scratch, and once more from its neighbour's end, so that all gaps can
-    lie in one valley. Then all are tied together so weakly that the fit hardly notices
-    (:data:`TIE`): directions that the loops of one gap do not determine would otherwise scatter, and
-    nothing could be interpolated.
+    Each gap is fitted without initial values, and again from the result of its neighbour, so that
+    all gaps can reach the same minimum. Then all gaps are fitted together with a weak smoothness
+    penalty (:data:`SMOOTHNESS_WEIGHT`). Otherwise, parameters that a single gap does not determine
+    would scatter and could not be interpolated.
     """
     space = CoordinateSpace("free", records, form, fixed)
     single_fits = [
@@ -214,7 +215,7 @@ def join_gaps(
     starts: list[ParameterSet],
     fixed: frozenset[str],
 ) -> FoundModel:
-    """Fit all gaps together under one map, from what is known at the reference gap."""
+    """Fit all gaps together under one map, starting from sets of the reference gap."""
     space = CoordinateSpace(gap_map, records, form, fixed)
     reference = records.reference_gap
     at_gaps = [
@@ -232,7 +233,7 @@ def join_gaps(
 def join_circuit(
     reluctance_fit: FoundModel, gap_map: str, common: frozenset[str] = frozenset()
 ) -> FoundModel:
-    """Fit all gaps together with one iron, and a circuit around it that takes more than a gap."""
+    """Fit all gaps together under a map with leakage or with a free gain at each gap."""
     space_before = reluctance_fit.space
     space = CoordinateSpace(
         gap_map, space_before.records, space_before.form, space_before.fixed, common

@@ -1,4 +1,8 @@
-"""The whole way from loops to a model: checks, search, figures, provenance."""
+"""Find a model from measured loops: check the inputs, search, and collect figures and provenance.
+
+The slow loops determine the static model. If there are fast loops, their rate dependence is fitted
+afterwards. The result contains warnings and, if the model must not be used, the reason.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +56,7 @@ from anhyst.support.wording import word_for_reader
 
 SEARCHES = ("default", "paper")
 
-AUTO = "auto"  # of laws and gap maps: which one, is found out
+AUTO = "auto"  # laws and gap maps are compared, and the best is selected
 
 
 def identify(
@@ -71,7 +75,7 @@ def identify(
 ) -> IdentifyResult:
     """Find the model of loops at constant scheduling values: `anhyst.identify`.
 
-    After ctrl-C the best so far, marked as interrupted.
+    After ctrl-C, the result is the best model so far, marked as interrupted.
     """
     start, cpu_start = time.perf_counter(), time.process_time()
     cpu_times: dict[str, float] = {}
@@ -79,7 +83,7 @@ def identify(
     plausibility_warnings = check_plausible(loops)
 
     def fit_static(some: Loops, before: Outcome | None) -> Outcome:
-        """Find the model of loops at one speed; from an outcome on it is the same choice."""
+        """Find the model of loops of one speed; with a previous outcome, continue its fit."""
         own, cells = _laws_to_compare(some, law, search)
         if _needs_creep_fit(some, law, search):
             return fit_creeping(some)
@@ -172,7 +176,7 @@ def identify(
 
 
 def check_options(law: str, gap_map: str, search: str) -> None:
-    """Refuse what is unknown or does not go together."""
+    """Raise an error for unknown options and for options that exclude each other."""
     if why := LAWS.explain_unusable(law):
         raise InputError(f"law '{law}': {why}", code="not-installed", key="law")
     for option, value, choices in (
@@ -188,8 +192,8 @@ def check_options(law: str, gap_map: str, search: str) -> None:
             )
     kernel = LAWS[DEFAULT_LAW if law == AUTO else law].kernel
     if kernel is not None and kernel.is_coupled and gap_map in SERIES_MAPS:
-        # There alpha acts on the irreversible part alone, which a reluctance does not: one number
-        # would be fitted for two.
+        # In this law, alpha acts on the irreversible part only, and a reluctance does not. One
+        # parameter would be fitted for two.
         raise InputError(
             f"gap map '{gap_map}' does not go with the law {law}; use --law {DEFAULT_LAW}, or "
             "--gap-map scaling",
@@ -211,13 +215,13 @@ def check_options(law: str, gap_map: str, search: str) -> None:
 
 
 def _laws_to_compare(loops: Loops, law: str, search: str) -> tuple[str, tuple[Shape, ...]]:
-    """Name the law of the search, and the play cells that are fitted from it."""
+    """Return the law of the search, and the curves of the play cells to compare with it."""
     shapes = {name: shape for shape, name in LAW_BY_SHAPE.items()}
     if law in shapes:
         return DEFAULT_LAW, (shapes[law],)
     if law != AUTO:
         return law, ()
-    # What makes a force is to be compensated, so a law that cannot be compiled is not even tried.
+    # Laws that cannot be compiled are not compared for actuators that are compensated.
     usable = (name for name in shapes if not is_actuator(loops) or LAWS[name].least_slope)
     return DEFAULT_LAW, tuple(shapes[name] for name in usable) if search == "default" else ()
 
@@ -225,7 +229,7 @@ def _laws_to_compare(loops: Loops, law: str, search: str) -> tuple[str, tuple[Sh
 def _fit_all_speeds(
     loops: Loops, static: Callable[[Loops, Outcome | None], Outcome], speeds: SpeedGroups | None
 ) -> Outcome:
-    """Find the model at rest, and around it how late the iron answers."""
+    """Fit the static model and, if there are fast loops, their rate dependence."""
     if speeds is None:
         return static(loops, None)
     outcome = static(speeds.slow, None)
@@ -251,7 +255,7 @@ def _fit_all_speeds(
 
 
 def _needs_creep_fit(loops: Loops, law: str, search: str) -> bool:
-    """Whether cells are fitted with lag and creep, in one step."""
+    """Whether play cells with lag and creep are fitted, without a search."""
     can_creep = output_map(loops.output).has_creep and loops.schedule is None
     return can_creep and law in {AUTO, CREEPING_LAW} and search == "default"
 
@@ -273,7 +277,7 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:
 
 
 def _continue_fit(run: SearchRun, loops: Loops, before: Outcome) -> Outcome:
-    """Follow the fit of a search to its end on other records of the same loops."""
+    """Continue the fit of a search to convergence on other records of the same loops."""
     start = before.fit
     assert start is not None
     fit = descend_from(
@@ -314,7 +318,7 @@ def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
 
 
 def _name(loops: Loops) -> str:
-    """Name a model after its file, or after the folder that its files share."""
+    """Return the name of the model: its file, or the folder of all files."""
     paths = [Path(source.path) for source in loops.sources]
     if len(paths) == 1:
         return paths[0].stem

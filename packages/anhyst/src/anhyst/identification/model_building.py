@@ -1,21 +1,18 @@
-"""From a fit in the gauge-free form to the model it stands for.
+"""Convert a fit in the gauge-free form to a physical model, and fit the dead band of its law.
 
-Outputs do not change along the redundancies of docs/theory.md, so values along them are
-chosen, and the choice is reported:
+Outputs do not change along the redundancies of docs/theory.md, so values along them are chosen and
+reported:
 
-- field and flux density measured: nothing is left to choose;
-- otherwise ``M_s`` is set to 1e6 A/m where no measured quantity sets it;
-- reluctance and circuit map: ``alpha = 0``, or, where ``rho`` or its straight continuation to the
-  closed gap would come out negative, that place is made the zero of ``rho`` and alpha takes the
-  difference.
+- If field and flux density are measured, everything is determined.
+- Otherwise, ``M_s`` is set to 1e6 A/m if no measured quantity determines it.
+- Reluctance and circuit map: ``alpha = 0``. If ``rho`` or its linear extrapolation to the closed gap
+  would be negative, the smallest value is set to zero and alpha takes the difference.
 
-The dead band of the law: what keeps small movements from eroding a model's state.
-
-A Jiles-Atherton law forgets by the whole way that the field goes, to and fro: noise of a demand
-erases what it remembers within milliseconds, and a small error that comes again and again, such as
-the ripple of a table under a gap that vibrates, makes it wander. A play in front of its
-irreversible part closes what stays within it (docs/theory.md). Real iron has something like it, and
-measured loops hardly show how wide it is: the widest one that they allow is taken.
+A Jiles-Atherton law forgets with the total travel of the field. Noise of a demand erases its memory
+within milliseconds, and a small periodic error, such as the ripple of a table with a vibrating gap,
+makes it drift. A play before its irreversible part prevents this for small movements
+(docs/theory.md). Measured loops barely determine the width of this dead band, so the widest
+acceptable one is used.
 """
 
 from __future__ import annotations
@@ -39,17 +36,17 @@ from anhyst.model.schema import ValidRange
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, Quantity
 
-DEFAULT_SATURATION = 1e6  # M_s where the data do not determine it, A/m
-DEFAULT_AIR_CORE_SLOPE = 1e-3  # h where the data do not determine it: a/(M_s*(1 - alpha))
+DEFAULT_SATURATION = 1e6  # M_s if the data do not determine it, A/m
+DEFAULT_AIR_CORE_SLOPE = 1e-3  # h if the data do not determine it: a/(M_s*(1 - alpha))
 
 _MIN_CLOSED_GAP_RHO = 1e-12
-"""What rho keeps at the closed gap, so that rounding cannot make it negative there."""
+"""Value of rho at the closed gap, so that rounding errors cannot make it negative."""
 
 
 def make_response_form(
     input_quantity: Quantity, output_quantity: Quantity, law: str
 ) -> ResponseForm:
-    """Choose the form of the equations for what was measured."""
+    """Return the form of the equations for the measured quantities."""
     map_of_output = output_map(output_quantity)
     permeability = MU_0 if map_of_output.is_flux_density and input_quantity.name == "field" else 0.0
     return ResponseForm(
@@ -58,7 +55,7 @@ def make_response_form(
 
 
 def is_scheduled_over_gap(loopset: Loops) -> bool:
-    """Whether the loops are scheduled over a gap, which moves and does not change the iron."""
+    """Whether the scheduling variable is a gap, which moves and does not change the iron."""
     return loopset.schedule is not None and loopset.schedule.name == "gap"
 
 
@@ -70,7 +67,7 @@ def physical_parameters(
     output_quantity: Quantity,
     gaps: Sequence[float],
 ) -> dict[str, Parameter]:
-    """Physical parameters for gauge-free ones."""
+    """Convert gauge-free parameters to physical ones."""
     map_of_output, input_name = output_map(output_quantity), input_quantity.name
     table = [_physical_at_gap(form, local, gap_map, input_name, map_of_output) for local in sets]
     if gap_map in SERIES_MAPS:
@@ -94,7 +91,7 @@ def physical_parameters(
 def _make_reluctance_positive(
     form: ResponseForm, table: list[dict[str, float]], gaps: FloatArray
 ) -> None:
-    """Move along the redundancy between alpha and rho until no reluctance is negative."""
+    """Move along the redundancy of alpha and rho until no reluctance is negative."""
     rho = np.array([row["rho"] for row in table])
     min_rho = float(rho.min())
     if gaps.size > 1:
@@ -114,7 +111,7 @@ def _physical_at_gap(
         alpha, rho = 0.0, h * omega / (1.0 - h * omega)
     else:
         alpha, rho = 0.0 - h * omega / (1.0 - h * omega), 0.0
-    unscaled = local.scale / (1.0 + rho)  # input for one unit of effective field without the gap
+    unscaled = local.scale / (1.0 + rho)  # input per unit of effective field without the gap
     if input_name == "field" and gap_map != "scaling":
         a = unscaled
         saturation = a / (h * (1.0 - alpha))
@@ -124,7 +121,7 @@ def _physical_at_gap(
         a = h * saturation * (1.0 - alpha)
     c_out = local.gain / (MU_0 * saturation * (1.0 - alpha)) ** answer.power
     if abs(c_out - 1.0) < 1e-12:
-        c_out = 1.0  # flux density measured: but for rounding it is one by construction
+        c_out = 1.0  # with measured flux density, it is 1 except for rounding
     return {
         **form.kernel.iron_parameters(saturation, a, local.law, alpha),
         "rho": rho,
@@ -135,13 +132,11 @@ def _physical_at_gap(
     }
 
 
-_PIECES_PER_GAP_INTERVAL = (
-    4  # pieces between two gaps in which the curves of a model with leakage are drawn
-)
+_PIECES_PER_GAP_INTERVAL = 4  # pieces between two gaps for the curves of a model with leakage
 
 
 def make_model(fit: FoundModel, loopset: Loops) -> Model:
-    """Bare model of a fit: parameters and gap map, no records of how it was found."""
+    """Return the model of a fit with parameters and gap map, without records of its identification."""
     space = fit.space
     positions, sets = _model_nodes(fit)
     nodes = tuple(positions.tolist())
@@ -167,10 +162,10 @@ def make_model(fit: FoundModel, loopset: Loops) -> Model:
 
 
 def _model_nodes(fit: FoundModel) -> tuple[FloatArray, list[ParameterSet]]:
-    """Nodes of a model and the sets there: with leakage, places between the gaps too.
+    """Return the nodes of a model and the sets there; with leakage, also between the gaps.
 
-    What a gap grows by is its own reluctance; what the iron sees of it behind a leakage bends. So
-    the former is interpolated, and so densely that the curves between nodes do not matter.
+    The reluctance of the gap itself is interpolated, because the reluctance that the iron sees with
+    a leakage path is curved. The nodes are so dense that the curves between them do not matter.
     """
     space, sets = fit.space, fit.parameter_sets
     nodes = space.records.nodes
@@ -206,7 +201,7 @@ def valid_range(loopset: Loops) -> ValidRange:
     gaps = loopset.schedule_values
     low, high = span([loop.input for loop in loopset.loops])
     if 0.0 < low <= MAX_REST_SHARE * high:
-        low = 0.0  # the sensor's offset is no reason to flag a drive at rest
+        low = 0.0  # the sensor offset must not flag a drive at rest
     return ValidRange(
         input=(low, high),
         output=span([loop.output for loop in loopset.loops]),
@@ -215,11 +210,11 @@ def valid_range(loopset: Loops) -> ValidRange:
 
 
 DEAD_BAND_RATIOS = (0.35, 0.2, 0.1, 0.05, 0.02)
-"""Half-widths that are tried, in parts of the pinning k, the widest first."""
+"""Half-widths that are tried, relative to the pinning k, the widest first."""
 
-MAX_DEVIATION_RATIO = 1.03  # factor by which the deviation from the loops may grow
+MAX_DEVIATION_RATIO = 1.03  # factor by which the rms residual may grow
 _DEAD_BAND_TOLERANCE = 1e-8
-_MAX_DEAD_BAND_STEPS = 40  # of the fit with a dead band: it starts near its end
+_MAX_DEAD_BAND_STEPS = 40  # few steps, because the fit starts near its result
 
 
 def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:
@@ -241,7 +236,7 @@ def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> Fou
 
 
 def explain_dead_band(before: FoundModel, after: FoundModel) -> str:
-    """Report the dead band that the user set, and what it costs."""
+    """Describe the dead band and its effect on the residual."""
     ratio = after.space.form.dead_band
     if ratio == 0.0:
         return (

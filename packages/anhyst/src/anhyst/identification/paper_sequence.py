@@ -1,12 +1,11 @@
-"""The whole of the paper's search: free sets at each gap, then the reduction, then a model.
+"""Perform the paper's search: free parameter sets at each gap, the reduction, and the model.
 
-The reduction of the number of variable parameters (the paper, II.D and Fig. 3).
-
-Each round tries every parameter that still differs from gap to gap: it is replaced by its mean
-over the gaps, and the others are searched again at each gap, briefly. The cheapest is kept so and
-the others are searched in full. The rounds end when one parameter is left. So the order is found
-and not fixed. Before the first round all gaps are moved to one gauge, since a mean over different
-gauges means nothing (docs/theory.md).
+The reduction decreases the number of gap-dependent parameters (the paper, II.D and Fig. 3). Each
+round tries every parameter that still depends on the gap: it is replaced by its mean over the gaps,
+and the others are searched again briefly at each gap. The parameter with the lowest cost stays
+fixed, and the others are searched in full. The rounds end when one parameter is left. Before the
+first round, all gaps are converted to one gauge, because a mean over different gauges has no
+meaning (docs/theory.md).
 """
 
 from __future__ import annotations
@@ -48,28 +47,29 @@ from anhyst.model.schema import ReductionStep
 from anhyst.support.errors import InputError
 
 _EQUAL_COST_SHARE = 0.01
-"""Costs that differ by less than this share are taken as equal: a simplex ends no more exactly."""
+"""Relative difference up to which costs are equal, because a simplex search is not more accurate.
+"""
 
 _NEGLIGIBLE_COST = 1e-5
-"""So are costs that differ by less than this part of the largest output: no sensor distinguishes them."""
+"""Difference up to which costs are equal, relative to the largest output; below sensor resolution.
+"""
 
 
 def count_stages(bench: PaperSearch, last: str | None) -> int:
-    """Count the stages that :func:`reductions` will take."""
+    """Return the number of stages of :func:`reductions`."""
     gaps, names = bench.gap_count, len(bench.searched_names)
     fixed_last = 0 if last is None else 1
     return gaps + sum(varying_count - fixed_last + gaps for varying_count in range(2, names + 1))
 
 
 def move_to_common_gauge(bench: PaperSearch, free: SearchState) -> SearchState:
-    """Bring all gaps to one gauge, and to one valley where their loops do not determine which.
+    """Convert all gaps to one gauge and, if their loops allow it, to one minimum of the cost.
 
-    What the gauge chooses is the same at all gaps then, so freezing it comes first and costs
-    nothing. Beside the exact redundancies there are long valleys: loops that hardly saturate are
-    fitted alike by many sets, and a mean over sets from anywhere in a valley would mean nothing
-    either. So the others are searched again outward from the gap that shows most, at each gap from
-    where its neighbour ended and from its own set, and the neighbour's valley is taken unless that
-    costs more.
+    Parameters chosen by the gauge are then equal at all gaps, so they are fixed first and at no
+    cost. Loops that barely saturate also have long flat valleys, in which a mean over gaps has no
+    meaning. Therefore, the other parameters are searched again, outward from the reference gap,
+    from the result of the neighbouring gap and from the own set. The neighbour's result is
+    preferred unless it costs more.
     """
     moved = move_to_one_gauge(free.sets, bench.searched_names, bench.run.form.power)
     reference = bench.run.records.reference_gap
@@ -90,7 +90,7 @@ def move_to_common_gauge(bench: PaperSearch, free: SearchState) -> SearchState:
 def _search_from_neighbour(
     bench: PaperSearch, gap: int, own: Values, near: Values | None
 ) -> tuple[Values, int]:
-    """Search one gap from its own set and from its neighbour's, and prefer the neighbour's end."""
+    """Search one gap from its own set and from its neighbour's; prefer the neighbour's result."""
     names = [
         name
         for name in bench.searched_names
@@ -106,7 +106,7 @@ def _search_from_neighbour(
 def reductions(
     bench: PaperSearch, free: SearchState, last: str | None = None
 ) -> Iterator[tuple[SearchState, ReductionStep]]:
-    """Freeze one parameter after another, until one is left."""
+    """Fix one parameter after another until one is left; yield each state and step."""
     state = move_to_common_gauge(bench, free)
     while len(state.varying) > 1:
         trials = {name: _try_freezing(bench, state, name) for name in state.varying if name != last}
@@ -122,7 +122,7 @@ def reductions(
 
 
 def _try_freezing(bench: PaperSearch, state: SearchState, name: str) -> SearchState:
-    """Replace one parameter by its mean and search the others briefly, at every gap."""
+    """Replace one parameter by its mean, and search the others briefly at every gap."""
     others = [other for other in state.varying if other != name]
     mean = mean_over_gaps(name, [values[name] for values in state.sets])
 
@@ -144,7 +144,7 @@ def _stage_name(varying: Sequence[str], what: str) -> str:
 
 
 def _select_cheapest(state: SearchState, costs: dict[str, float]) -> str:
-    """Choose what to freeze; of those that cost the same, what differs least from gap to gap."""
+    """Return the parameter to fix: the cheapest or, at equal cost, the most constant over the gaps."""
     limit = _max_equal_cost(min(costs.values()))
     return min(
         (name for name, cost in costs.items() if cost <= limit),
@@ -153,27 +153,27 @@ def _select_cheapest(state: SearchState, costs: dict[str, float]) -> str:
 
 
 def _max_equal_cost(cost: float) -> float:
-    """Highest cost that counts as the same as this one."""
+    """Return the highest cost that counts as equal to a cost."""
     return cost * (1.0 + _EQUAL_COST_SHARE) + _NEGLIGIBLE_COST
 
 
 def _spread(name: str, values: Sequence[float]) -> float:
-    """Relative spread over the gaps."""
+    """Return the relative spread of a parameter over the gaps."""
     if name in POSITIVE_NAMES:
         return float(np.std(np.log(values)))
     return float(np.std(values) / max(np.max(np.abs(values)), np.finfo(np.float64).tiny))
 
 
 LAST_VARYING = {"auto": None, "scaling": "c_H", "reluctance": "alpha"}
-"""Which parameter a wanted gap map keeps to the last; ``free`` makes no reduction."""
+"""Parameter that remains gap-dependent for a requested gap map. ``free`` makes no reduction."""
 
-_EQUAL_COST_RATIO = 1.01  # rise of the cost up to which a model in another form counts as the same
+_EQUAL_COST_RATIO = 1.01  # ratio of costs up to which a model in another form is equal
 
 
 def search_paper(
     run: SearchRun, loopset: Loops, gap_map: str, effort: SearchEffort | None = None
 ) -> Outcome:
-    """Search as the paper does."""
+    """Perform the paper's search."""
     require_gaps(run.records, gap_map)
     bench = PaperSearch(run, loopset, effort or SearchEffort())
     last_name = _last_varying(bench, gap_map)
@@ -225,7 +225,7 @@ def _make_model(bench: PaperSearch, state: SearchState, gap_map: str) -> tuple[M
     model = model_at_nodes(state, bench.run, bench.loopset)
     sets = [make_parameter_set(values, bench.run.form.power) for values in state.sets]
     h = float(np.mean([local.h for local in sets]))
-    # Alpha over the schedule can be a reluctance: of a gap, and in no law of 1986.
+    # A gap-dependent alpha can be a reluctance, for a gap and not in the law of 1986.
     is_over_gap = gap_map == "reluctance" or is_scheduled_over_gap(bench.loopset)
     can_be_circuit = "c_H" in bench.searched_names and not bench.run.form.kernel.is_coupled
     if state.varying == ("alpha",) and is_over_gap and can_be_circuit and bench.gap_count > 1:
@@ -245,10 +245,11 @@ def _make_fit(
 
 
 def _as_series_reluctance(sets: list[ParameterSet], h: float) -> list[ParameterSet]:
-    """Read alpha over the gap as a series reluctance over the gap.
+    """Convert a gap-dependent alpha to a gap-dependent series reluctance.
 
-    They are the same up to the slope of the air core, which the common gauge has made small
-    (docs/theory.md). With a reluctance the gap may move during a run, with alpha it may not.
+    They are equal up to the slope of the air core, which is small in the common gauge
+    (docs/theory.md). With a reluctance, the gap may move during a run; with alpha, it must be
+    fixed.
     """
     unscaled = float(np.mean([local.scale * (1.0 - h * local.omega) for local in sets]))
     gain = float(np.mean([local.gain for local in sets]))

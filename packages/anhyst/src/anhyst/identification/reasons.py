@@ -1,7 +1,7 @@
-"""The reasons for a choice, as sentences, and the list of all candidates.
+"""Explain the selected law and gap map in sentences, and list all candidates.
 
-A sentence states the figures that decided. It names a candidate with a smaller error, if there is
-one, and says why that candidate was not chosen.
+A sentence states the figures that decided. If another candidate has a smaller error, the sentence
+names it and explains why it was not selected.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ from anhyst.identification.model_building import is_scheduled_over_gap
 from anhyst.model.schema import CHOSEN, CandidateFit
 
 _MIN_OFFER_RATIO = 1.5
-"""Rms deviation over that of a map that cannot be compiled, from which on the reason offers it."""
+"""Ratio of rms residuals to a map that cannot be compiled, above which the text suggests that map.
+"""
 
 
 def list_candidates(
     comparison: Comparison, best: ModelCandidate, law: str
 ) -> tuple[CandidateFit, ...]:
-    """Put all candidates side by side, the simplest first."""
+    """Return all candidates, the simplest first."""
     candidates = sorted(
         dict.fromkeys([*comparison.fits, *comparison.dropped]), key=lambda one: one.rank
     )
@@ -51,7 +52,7 @@ def _note(comparison: Comparison, candidate: ModelCandidate, best: ModelCandidat
 
 
 def explain_law(comparison: Comparison, best: ModelCandidate, law: str, loopset: Loops) -> str:
-    """Say why this law was chosen."""
+    """Explain why this law was selected."""
     names = dict(zip(comparison.fits, make_titles(list(comparison.fits), law), strict=True))
     withheld = {"gap": _schedule_plural(loopset), "loop": "loops", "block": "blocks of samples"}
     own_error = comparison.finite_withheld_error(best)
@@ -82,7 +83,7 @@ def explain_law(comparison: Comparison, best: ModelCandidate, law: str, loopset:
 
 
 def _explain_rejected(comparison: Comparison, best: ModelCandidate, other: ModelCandidate) -> str:
-    """Say why a candidate with a smaller mean error was not chosen."""
+    """Explain why a candidate with a smaller mean error was not selected."""
     if comparison.is_several_times_worse(other, best):
         rms = np.sqrt([comparison.fits[candidate].reduced.cost for candidate in (best, other)])
         return f", but it fits the loops with {_percent(rms[1])} rms instead of {_percent(rms[0])}"
@@ -98,7 +99,7 @@ def explain_gap_map(
     loopset: Loops,
     rejected: Sequence[ModelCandidate],
 ) -> str:
-    """Say why this gap map was chosen."""
+    """Explain why this gap map was selected."""
     name = best.file_gap_map
     gaps, count = _schedule_plural(loopset), len(loopset.schedule_values)
     if count < 2:
@@ -144,7 +145,7 @@ def _explain_comparison(comparison: Comparison, best: ModelCandidate, gaps: str)
 
 
 def _offer_free_map(comparison: Comparison, best: ModelCandidate, loopset: Loops) -> str:
-    """Name the map ``free`` if it fits better and was not chosen because it cannot be compiled."""
+    """Suggest the map ``free`` if it fits better and was rejected because it cannot be compiled."""
     if is_scheduled_over_gap(loopset) or best.gap_map == "free":
         return ""
     own_cost = comparison.fits[best].reduced.cost
@@ -163,7 +164,7 @@ def _offer_free_map(comparison: Comparison, best: ModelCandidate, loopset: Loops
 
 
 def _schedule_plural(loopset: Loops) -> str:
-    """Return what the values of the schedule are called."""
+    """Return the plural name of the values of the schedule."""
     if loopset.schedule is None or is_scheduled_over_gap(loopset):
         return "gaps"
     return f"values of the {loopset.schedule.name}"

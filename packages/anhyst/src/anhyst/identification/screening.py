@@ -1,14 +1,11 @@
-"""Where a search starts: many sets of parameters, and which of them are worth a descent.
+"""Generate start parameters for a search, and select those with the smallest residual.
 
-Of a law with a steady branch, thousands of sets over one gap at once, by the batch of the core. Offset
-and gain of the output enter linearly and are solved for each set, so that only pinning, reversibility,
-interaction and the scale of the input are left to sample.
-
-Of play cells, sets drawn in scaled units, each put on the loops. Drawn is what can be seen in a loop:
-how far the cells are driven, in widths of their curve; how far they are pinned and how alike; how much
-answers reversibly; and which part of the drive the iron takes, which leaves the rest to the gap. Scale,
-gain and what the map lets differ from gap to gap then follow in closed form: the model passes through
-the largest output at every gap.
+For a Jiles-Atherton law, many parameter sets are simulated at one gap by the batch of the core.
+Offset and gain of the output follow by linear regression, so that only pinning, reversibility,
+interaction and the input scale are sampled. For play cells, normalised parameters are sampled: the
+drive relative to the width of the curve, pinning and its spread, the reversible part, and the share
+of the drive across the iron. Scale, gain and the gap-dependent parameters then follow in closed
+form from the largest output at every gap.
 """
 
 from __future__ import annotations
@@ -33,26 +30,26 @@ from anhyst.support.errors import InputError, NoUsableStartError
 from anhyst.support.numeric import FloatArray
 
 LEVEL_VARIABLE = (
-    "ANHYST_DISPATCH"  # environment variable that forces an instruction set on the batch
+    "ANHYST_DISPATCH"  # environment variable that selects the instruction set of the batch
 )
 JUMP_INTERACTION = (
-    3.0  # at omega = -3 the law may begin to jump; the batch does not follow it there
+    3.0  # for omega <= -3, the magnetisation may jump; the batch does not support this
 )
 
 _MIN_OMEGA = -2.95
 
 _SCAN_VALUES = 32  # values tried for a parameter at one gap
-_WARM_UP_CYCLES = 2  # repetitions before a settled cycle is compared; enough to rank sets
-_MAX_BIAS_RATIO = 1.5  # largest offset of the input that is drawn, in parts of the largest input
+_WARM_UP_CYCLES = 2  # repetitions of a cycle before the comparison; enough to rank sets
+_MAX_BIAS_RATIO = 1.5  # largest sampled input offset, relative to the largest input
 
 _MIN_SIDE_RATIO = 0.3
-"""How far the other way an input goes at least, in parts of the way that it goes further."""
+"""Smallest ratio of the smaller to the larger side of a bipolar input."""
 
-_SCREENING_SAMPLES = 64  # samples a loop at the screening, at most
+_SCREENING_SAMPLES = 64  # samples per loop in the screening, at most
 
 
 def batch_level() -> str:
-    """Level of the batch: the processor's best unless the environment names one."""
+    """Return the instruction set of the batch: the processor's best, or the one of the environment."""
     levels = batch_levels()
     level = os.environ.get(LEVEL_VARIABLE)
     if level is None:
@@ -68,11 +65,11 @@ def batch_level() -> str:
 
 
 def sample_unit_cube(dimensions: int, count: int, seed: int) -> FloatArray:
-    """Fill the unit cube evenly from a random start, shape (dimensions, count).
+    """Return evenly distributed points of the unit cube, shape (dimensions, count).
 
-    Multiples of powers of the root of ``x**(d+1) = x + 1``, the golden ratio of d dimensions
-    (M. Roberts 2018). Sobol's sequence is no better here, and importing SciPy's takes longer than
-    the whole search.
+    The points are multiples of powers of the root of ``x**(d+1) = x + 1``, the golden ratio in d
+    dimensions (M. Roberts 2018), from a random start. Sobol's sequence is not better here, and
+    importing SciPy's takes longer than the whole search.
     """
     root = 2.0
     for _ in range(60):
@@ -85,13 +82,12 @@ def sample_unit_cube(dimensions: int, count: int, seed: int) -> FloatArray:
 def sample_sets(
     records: FitRecords, count: int, seed: int, is_interacting: bool = True, is_biased: bool = False
 ) -> FloatArray:
-    """Draw kappa, c, omega, scale and in_0 by an additive sequence of low discrepancy (:func:`evenly`).
+    """Sample kappa, c, omega, scale and in_0 evenly in normalised ranges.
 
-    What is drawn evenly is what can be seen in a loop: how far the law is driven (largest
-    effective field, 0.3 to 30 on a logarithmic scale), pinning relative to that (0.01 to 3,
-    logarithmic), reversibility (0 to 0.95), and omega + 3 (0.1 to 300, logarithmic) unless omega is
-    to be zero. in_0 is zero unless biased; then it goes to 1.5 times the largest input either way,
-    most densely about zero.
+    The ranges cover the visible properties of loops: largest effective field (0.3 to 30,
+    logarithmic), pinning relative to that field (0.01 to 3, logarithmic), reversibility (0 to
+    0.95), and omega + 3 (0.1 to 300, logarithmic) unless omega is zero. in_0 is zero, or, if
+    biased, up to 1.5 times the largest input in both directions, most densely near zero.
     """
     draw = sample_unit_cube(5 if is_biased else 4, count, seed)
     max_field = 0.3 * 100.0 ** draw[0]
@@ -108,7 +104,7 @@ def sample_sets(
 def screen_sets(
     form: ResponseForm, records: FitRecords, sets: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Deviation of many sets at one gap, with the best gain and offset for each."""
+    """Return the cost of many sets at one gap, with the best gain and offset of each."""
     moments, total = _moments(form, records, sets[:4], sets[4])
     ones, sum_b, sum_bb, sum_y, sum_by = moments
     determinant = ones * sum_bb - sum_b**2
@@ -120,12 +116,12 @@ def screen_sets(
 def follow_sets(
     record: FitRecord, sample_indices: NDArray[np.intp], sets: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Follow one drive with many parameter sets at the same time."""
+    """Simulate one drive with many parameter sets at the same time."""
     kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
     scale = 1.0 / sets[3]
     x, y = np.zeros(kappa.size), np.zeros(kappa.size)
     drive = np.ascontiguousarray(record.input[sample_indices])
-    # Up to the first sample in small steps: the linear step is not exact over long ones.
+    # The path to the first sample uses small steps, because long linear steps are not exact.
     rise = np.concatenate(
         [np.linspace(0.0, to, 16)[1:] for to in (*record.history.drive, drive[0])]
     )
@@ -140,9 +136,10 @@ def follow_sets(
 def _moments(
     form: ResponseForm, records: FitRecords, sets: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Weighted sums, over all samples, that the deviation of any gain and offset follows from.
+    """Return weighted sums over all samples, from which the cost of any gain and offset follows.
 
-    With b the output for gain 1 and y the measured one: 1, b, b^2, y, b*y; and the sum of y^2.
+    With the output b for gain 1 and the measured output y, these are 1, b, b^2, y, b*y; and the sum
+    of y^2.
     """
     moments = np.zeros((5, sets.shape[1]))
     total = 0.0
@@ -170,12 +167,12 @@ def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray
 def screen_starts(
     space: CoordinateSpace, count: int, max_starts: int, seed: int
 ) -> list[ParameterSet]:
-    """Best sets of a screening at the only gap of a space, far enough apart to differ."""
+    """Return the best sets of a screening at a single gap, at a minimum distance from each other."""
     is_interacting = "omega" not in space.fixed
     start_sets = _select_best_sets(
         space, sample_sets(space.records, count, seed, is_interacting), max_starts
     )
-    # A bias would show in an output that is even in the flux, driven to both sides.
+    # A bias is visible only if the output is even in the flux and the drive is bipolar.
     low = min(float(loop.input.min()) for loop in space.records.loops)
     high = max(float(loop.input.max()) for loop in space.records.loops)
     is_bipolar = low < -_MIN_SIDE_RATIO * high and high > -_MIN_SIDE_RATIO * low
@@ -211,7 +208,7 @@ def _select_best_sets(
 def scan_gap(
     space: CoordinateSpace, gap: int, start_sets: list[ParameterSet]
 ) -> tuple[list[ParameterSet], FloatArray]:
-    """Find, at one gap, the best value of the parameter that the map ties to it, the rest held."""
+    """Find the best value of the gap-dependent parameter at one gap, with all others fixed."""
     count = len(start_sets)
     table = np.repeat(_parameter_table(start_sets), _SCAN_VALUES, axis=1)
     if space.gap_map in SERIES_MAPS:
@@ -232,12 +229,12 @@ def scan_gap(
 
 
 def cost_at_gap(space: CoordinateSpace, gap: int, sets: list[ParameterSet]) -> FloatArray:
-    """Weighted sums of squares of sets at one gap, as they are, shape (len(known),)."""
+    """Return the costs of unchanged sets at one gap, shape (len(sets),)."""
     return _table_cost(space, gap, _parameter_table(sets))
 
 
 def _parameter_table(sets: list[ParameterSet]) -> FloatArray:
-    """Lay sets out as columns, rows in the order of LOCAL."""
+    """Return the sets as columns, with the parameters as rows in the order of PARAMETER_NAMES."""
     return np.array([[getattr(local, name) for local in sets] for name in PARAMETER_NAMES])
 
 
@@ -252,32 +249,36 @@ CURVE_SLOPES: dict[Shape, float] = {"tanh": 1.0, "langevin": 1.0 / 3.0}
 """Slope of each curve at its middle."""
 
 _FIELD_RANGE = (0.4, 8.0)
-"""Largest effective field, in widths of the first population that the slope at its middle gives."""
+"""Largest effective field, relative to the width of the first population divided by the initial
+slope of its curve."""
 
-_PINNING_RANGE = (0.02, 1.0)  # pinning of a population, in parts of the largest effective field
+_PINNING_RANGE = (0.02, 1.0)  # pinning of a population, relative to the largest effective field
 
 _SPREAD_RANGE = (0.7, 5.0)
-_REVERSIBLE_SHARE_RANGE = (0.02, 1.5)  # share of the reversible part, of the first population
+_REVERSIBLE_SHARE_RANGE = (
+    0.02,
+    1.5,
+)  # share of the reversible part, relative to the first population
 
 _REVERSIBLE_WIDTH_RANGE = (0.3, 6.0)
 _SHARE_RANGE = (0.1, 1.5)
 _WIDTH_RANGE = (0.2, 8.0)
-"""Share and width of a further population, of the first."""
+"""Share and width of a further population, relative to the first."""
 
 _IRON_DRIVE_SHARE_WITH_GAP = (0.02, 0.9)
 _IRON_DRIVE_SHARE_WITHOUT_GAP = (0.3, 4.0)
-"""Part of the drive that the iron takes behind a gap; and without one, where interaction of the iron
-may add to the drive."""
+"""Share of the drive across the iron, with a gap and without one. Without a gap, interaction may
+increase the field."""
 
-_MAX_INTERACTION = (
-    0.8  # interaction, in parts of that at which the magnetisation would jump, at most
-)
+_MAX_INTERACTION = 0.8  # largest interaction, as a share of that at which the magnetisation jumps
 
 _CURVE_SAMPLES = 200
 
 
 class CellStart(NamedTuple):
-    """Numbers of the law, largest effective field in its units, part of the drive for the iron."""
+    """Law parameters, largest effective field in their units, and share of the drive across the
+    iron.
+    """
 
     law: tuple[float, ...]
     max_field: float
@@ -285,7 +286,7 @@ class CellStart(NamedTuple):
 
 
 def sample_cell_starts(kernel: CellKernel, count: int, seed: int, has_gap: bool) -> list[CellStart]:
-    """Draw starts evenly over the logarithms of their ranges."""
+    """Sample starts evenly over the logarithms of their ranges."""
     first_ranges = [_REVERSIBLE_SHARE_RANGE, _REVERSIBLE_WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
     other_ranges = [_SHARE_RANGE, _WIDTH_RANGE, _PINNING_RANGE, _SPREAD_RANGE]
     ranges = [
@@ -305,7 +306,7 @@ def sample_cell_starts(kernel: CellKernel, count: int, seed: int, has_gap: bool)
 
 
 def scale_to_loops(space: CoordinateSpace, start: CellStart) -> list[ParameterSet]:
-    """Return the sets at each gap that pass through the largest output there."""
+    """Return sets at each gap that pass through the largest output there."""
     form = space.form
     field = np.linspace(0.0, 3.0 * start.max_field, _CURVE_SAMPLES)
     assert space.form.cells is not None
@@ -331,7 +332,7 @@ def scale_to_loops(space: CoordinateSpace, start: CellStart) -> list[ParameterSe
 
 
 def has_valid_scales(sets: Sequence[ParameterSet]) -> bool:
-    """Whether the scales of a start are those of a drive and an output."""
+    """Whether scales and gains of a start are positive, and its curve is not too flat."""
     return all(
         parameter_set.scale > 0.0
         and parameter_set.gain > 0.0
@@ -341,7 +342,7 @@ def has_valid_scales(sets: Sequence[ParameterSet]) -> bool:
 
 
 def _largest_by_gap(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
-    """Drive and output where the output is largest, at each gap; absolute values."""
+    """Return drive and output at the largest output of each gap, as absolute values."""
     drives, outputs = np.zeros(space.records.gap_count), np.zeros(space.records.gap_count)
     for record in space.records.loops:
         row = int(np.argmax(np.abs(record.output)))
