@@ -276,9 +276,7 @@ _CURVE_SAMPLES = 200
 
 
 class CellStart(NamedTuple):
-    """Law parameters, largest effective field in their units, and share of the drive across the
-    iron.
-    """
+    """Law parameters, largest effective field in their units, share of the drive across the iron."""
 
     law: tuple[float, ...]
     max_field: float

@@ -1,7 +1,7 @@
-"""Play cells as weights: what every computation with the law `play-cells` starts from.
+"""Define play cells by their weights, and the discretisation of populations into cells.
 
-Cell ``i`` follows the effective field at a distance of its threshold, and the magnetisation is a
-sum of curves at the places of the cells::
+Cell ``i`` (a play operator) follows the effective field at a distance of its threshold ``r_i``, and
+the magnetisation is a sum of curves at the positions of the cells::
 
     p_i <- clip(p_i, x - r_i, x + r_i),    M = sum_i sum_j W_ij * phi_j(p_i)
     phi_j(p) = (phi((p - b_j) / a_j) + phi((p + b_j) / a_j)) / 2
@@ -26,22 +26,22 @@ Shape = Literal["tanh", "langevin"]
 
 SHAPES: tuple[Shape, ...] = ("tanh", "langevin")
 
-PINNED_CELLS = 12  # cells with a threshold that populations are cut into
+PINNED_CELLS = 12  # number of pinned cells of discretised populations
 
 MIN_THRESHOLD_RATIO = 0.2
 MAX_THRESHOLD_RATIO = 2.0
-"""First and last threshold, in parts of the smallest and of the largest pinning scale."""
+"""First threshold relative to the smallest pinning scale, and last relative to the largest."""
 
-MAX_CELLS = 64  # as many as the core takes, the one without threshold included
+MAX_CELLS = 64  # largest number of cells in the core, including the one without a threshold
 
 
 class Population(NamedTuple):
-    """Cells whose thresholds are spread as ``1 - exp(-(r/scale)**spread)``."""
+    """Cells with the threshold distribution ``1 - exp(-(r/scale)**spread)``."""
 
-    magnetisation: float  # share of the saturation, A/m
-    width: float  # of the curve that its cells follow, A/m
-    scale: float  # pinning scale ``k`` of the thresholds, A/m
-    spread: float  # exponent ``s``: the larger, the more alike the thresholds
+    magnetisation: float  # saturation magnetisation of the population, A/m
+    width: float  # width of the curve of its cells, A/m
+    scale: float  # scale ``k`` of the thresholds, A/m
+    spread: float  # exponent ``s``; thresholds scatter less if it is larger
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +49,13 @@ class CellWeights:
     """Thresholds, widths and weights of play cells."""
 
     thresholds: FloatArray  # ascending from 0, A/m; shape (n + 1,)
-    widths: FloatArray  # of the curves, above 0, A/m; shape (J,)
-    # share of each cell and curve in the saturation, 0 or above, A/m; shape (n + 1, J)
+    widths: FloatArray  # widths of the curves, above 0, A/m; shape (J,)
+    # contribution of each cell and curve to the saturation, 0 or above, A/m; shape (n + 1, J)
     weights: FloatArray
-    shape: Shape = "tanh"  # the curve, ``"tanh"`` or ``"langevin"``
-    centres: FloatArray | None = None  # of the curves, 0 or above, A/m; shape (J,); None: all 0
+    shape: Shape = "tanh"  # curve, ``"tanh"`` or ``"langevin"``
+    centres: FloatArray | None = (
+        None  # centres of the curves, 0 or above, A/m; shape (J,); None: all 0
+    )
 
     def __post_init__(self) -> None:
         for name in ("thresholds", "widths", "weights", "centres"):
@@ -108,7 +110,7 @@ class CellWeights:
         return hash((self.shape, self._as_bytes))
 
     def __str__(self) -> str:
-        """Say what there is, and a few digits that differ where anything does."""
+        """Return the number of cells and weights, and a short hash for comparison."""
         digest = sha256(self.shape.encode() + self._as_bytes).hexdigest()[:8]
         count = int(np.count_nonzero(self.weights))
         return f"{self.thresholds.size} cells, {count} weights above 0 ({digest})"
@@ -120,7 +122,7 @@ class CellWeights:
 
     @property
     def _as_bytes(self) -> bytes:
-        """All numbers, as bytes."""
+        """All values as bytes."""
         arrays = [self.thresholds, self.widths, self.weights]
         arrays += [self.curve_centres] if self.curve_centres.any() else []
         return b"".join(array.tobytes() for array in arrays)
@@ -128,7 +130,10 @@ class CellWeights:
     def curves(
         self, positions: FloatArray, function: Callable[[Shape, FloatArray], FloatArray]
     ) -> FloatArray:
-        """Return each curve at places of each cell, or its slope over place/width; (n + 1, J, m)."""
+        """Return a function of (p -+ b)/a for each cell and curve; shape (n + 1, J, m).
+
+        `function` gives the curve itself, or its derivative by the normalised position.
+        """
         fields, middles, widths = (
             positions[:, None, :],
             self.curve_centres[:, None],
@@ -145,32 +150,33 @@ class CellWeights:
 
 
 class _Discretisation(NamedTuple):
-    """Populations cut into cells: what their weights and the derivatives of these are made from.
+    """Populations discretised into cells, for the weights and their derivatives.
 
-    A cell stands for what lies between the geometric middles to its neighbours; the first for all
-    below, the last for all above.
+    A cell represents the thresholds between the geometric means with its neighbours. The first cell
+    represents all smaller ones, the last all larger ones.
     """
 
-    thresholds: FloatArray  # thresholds, geometric above the first, which is 0, A/m; shape (n + 1,)
-    # logarithms of the middles between those above 0, over the pinning scale; shape (J, n - 1)
+    thresholds: FloatArray  # 0, then geometrically spaced, A/m; shape (n + 1,)
+    # logarithms of the limits between cells above 0, relative to the pinning scale; shape (J, n -
+    # 1)
     log_ratios: FloatArray
-    shares: FloatArray  # of each population at each threshold above 0; shape (J, n)
-    # derivative of what of each lies above each middle, by the logarithm of
-    # ``u = (middle/scale)**spread``; shape (J, n - 1)
+    shares: FloatArray  # share of each population at each threshold above 0; shape (J, n)
+    # derivative of the share above each limit by the logarithm of ``u = (limit/scale)**spread``;
+    # shape (J, n - 1)
     log_derivatives: FloatArray
 
 
-@lru_cache(maxsize=4)  # weights and their derivatives are made one after the other
+@lru_cache(maxsize=4)  # weights and their derivatives are computed one after the other
 def _discretise(pinned: tuple[Population, ...]) -> _Discretisation:
     scales = np.array([[cell.scale] for cell in pinned])
     spreads = np.array([[cell.spread] for cell in pinned])
     low, high = MIN_THRESHOLD_RATIO * float(scales.min()), MAX_THRESHOLD_RATIO * float(scales.max())
-    levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace takes as long as all the rest
+    levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace would take as long as the rest
     start, end = np.log10(low), np.log10(high)
     levels[1:] = 10.0 ** (np.arange(PINNED_CELLS) * ((end - start) / (PINNED_CELLS - 1)) + start)
     levels[1], levels[-1] = low, high
     logs = np.log(np.sqrt(levels[1:-1] * levels[2:]) / scales)
-    u = np.exp(np.minimum(spreads * logs, np.log(700.0)))  # beyond exp(-700) nothing is left
+    u = np.exp(np.minimum(spreads * logs, np.log(700.0)))  # exp(-u) is zero beyond 700
     remaining = np.zeros((len(pinned), PINNED_CELLS + 1))
     remaining[:, 0], remaining[:, 1:-1] = 1.0, np.exp(-u)
     return _Discretisation(
@@ -181,7 +187,7 @@ def _discretise(pinned: tuple[Population, ...]) -> _Discretisation:
 def discretise_populations(
     reversible: tuple[float, float], pinned: Sequence[Population], shape: Shape = "tanh"
 ) -> CellWeights:
-    """Cut populations into cells."""
+    """Discretise populations into cells."""
     populations = [cell for cell in pinned if cell.magnetisation != 0.0]
     if not populations:
         raise ValueError("no population has a magnetisation above 0; nothing would be pinned")
@@ -199,26 +205,30 @@ def discretise_populations(
 
 
 class Tangents(NamedTuple):
-    """How weights, widths and thresholds change with the numbers of populations."""
+    """Derivatives of weights, widths and thresholds by the parameters of populations."""
 
     # by magnetisation and width of the reversible part, then by magnetisation, width, scale and
     # spread of each population; shape (n + 1, J, d)
     weights: FloatArray
-    widths: FloatArray  # the same of the widths; shape (J, d)
-    thresholds: FloatArray  # the same of the thresholds; shape (n + 1, d)
+    widths: FloatArray  # derivatives of the widths; shape (J, d)
+    thresholds: FloatArray  # derivatives of the thresholds; shape (n + 1, d)
 
 
 def population_tangents(pinned: Sequence[Population]) -> Tangents:
-    """Differentiate :func:`populations` by its ``d = 2 + 4 J`` numbers."""
+    """Return the derivatives of :func:`discretise_populations` by its ``d = 2 + 4 J`` parameters."""
     magnetisation, _, scales, spreads = np.array(pinned).T
     levels, logs, shares, by_log = _discretise(tuple(pinned))
     count, directions = len(pinned), 2 + 4 * len(pinned)
-    log_thresholds = np.zeros((PINNED_CELLS, directions))  # derivatives of the logarithms
+    log_thresholds = np.zeros(
+        (PINNED_CELLS, directions)
+    )  # derivatives of the logarithms of the thresholds
     position = np.linspace(0.0, 1.0, PINNED_CELLS)
     for part, which in ((1.0 - position, scales.argmin()), (position, scales.argmax())):
         log_thresholds[:, 4 * which + 4] += part / scales[which]
     index, column = np.arange(count), 4 * np.arange(count) + 2
-    remaining = np.zeros((count, PINNED_CELLS + 1, directions))  # of what lies above each middle
+    remaining = np.zeros(
+        (count, PINNED_CELLS + 1, directions)
+    )  # derivatives of the share above each limit
     inner_remaining = remaining[:, 1:-1]
     inner_remaining[:] = 0.5 * (log_thresholds[:-1] + log_thresholds[1:])
     inner_remaining[index, :, column + 2] -= 1.0 / scales[:, None]
@@ -236,7 +246,7 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
     return Tangents(weights, widths, thresholds)
 
 
-FIELD_SAMPLES = 2001  # fields at which the steepest path is looked for
+FIELD_SAMPLES = 2001  # number of fields at which the largest slope is searched
 
 
 def curve_value(shape: Shape, part: FloatArray) -> FloatArray:
@@ -259,7 +269,7 @@ def curve_slope(shape: Shape, part: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=16)
 def steepest_slope(cells: CellWeights) -> float:
-    """Return the largest slope of the magnetisation over the effective field, of any path."""
+    """Return the largest slope of the magnetisation over the effective field, on any path."""
     reach = float((cells.curve_centres + 3.0 * cells.widths).max())
     plays = (
         np.linspace(-reach, cells.thresholds[-1] + reach, FIELD_SAMPLES) - cells.thresholds[:, None]

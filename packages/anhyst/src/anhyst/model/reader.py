@@ -1,4 +1,4 @@
-"""Reading the model file: every key is checked, and what is wrong is reported all at once."""
+"""Read a model file, check every key, and report all errors together."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def read_as(path: PathLike, kind: type[Record]) -> Record:
 
 
 class _Reader:
-    """Takes the content of a file to a model, collecting problems on the way."""
+    """Converts the content of a file to a model, and collects errors."""
 
     def __init__(self, file: TomlFile) -> None:
         self.file = file
@@ -77,7 +77,7 @@ class _Reader:
         return self._build(kind, table, drive, answer, schedule, cells)
 
     def _cells(self, content: dict[str, Any]) -> CellWeights | None:
-        """Read the table of cells ahead of the rest: it says which parameters are left."""
+        """Read the table of cells first, because it determines the remaining parameters."""
         table_text = deepcopy(content.get("cells"))
         if table_text is None:
             return None
@@ -106,7 +106,7 @@ class _Reader:
 
     @contextmanager
     def _collecting(self, key: str) -> Iterator[None]:
-        """Collect the error of a table, without the place that it names itself."""
+        """Collect the error of a table, without the location in its text."""
         try:
             yield
         except InputError as error:
@@ -146,7 +146,7 @@ class _Reader:
         return quantity
 
     def _strip_units(self, table: Any, at: KeyPath) -> None:
-        """Rename keys that carry units to fields, in place; complain about those that do not."""
+        """Rename keys with units to fields, in place; report keys without their unit."""
         if isinstance(table, list):
             for index, item in enumerate(table):
                 self._strip_units(item, (*at, index))
@@ -180,17 +180,17 @@ class _Reader:
         return Advice(f"is unknown; did you mean {close_matches[0]}?", code="extra-forbidden")
 
     def _names_in(self, table: KeyPath) -> schema.Names:
-        """Keys that carry units in a table; elements of an array of tables are alike."""
+        """Return the keys with units of a table; elements of an array of tables are equal."""
         return self.names.get(tuple(part for part in table if isinstance(part, str)), {})
 
     def _file_path(self, location: KeyPath) -> KeyPath:
-        """Path in the file of a location in the validated tables."""
+        """Return the path in the file of a location in the validated tables."""
         *table, last = location
         names = self._names_in(tuple(table))
         return (*table, names[last][1] if last in names else last)
 
     def _check_ranges(self, content: dict[str, Any], law: Law | None) -> None:
-        """Check what types cannot say; only where the types were right."""
+        """Check values that types cannot check, if all types are correct."""
         parameters = content.get("parameters")
         if self.file.problems or law is None or not isinstance(parameters, dict):
             return

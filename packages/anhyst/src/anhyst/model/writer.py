@@ -1,4 +1,4 @@
-"""Writing the model file; see :mod:`anhyst.model.actuator` for what it is and for reading it."""
+"""Write the model file; :mod:`anhyst.model.actuator` describes its format and reads it."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ UNCERTAINTY = """
 
 
 def write_model(model: ModelData, path: PathLike) -> None:
-    """Write a model to a file, whole or not at all; it is read back before it takes its name."""
+    """Write a model to a file, completely or not at all; the draft is read back first."""
     text = model_text(model)
 
     def check(draft: Path) -> None:
@@ -144,7 +144,7 @@ def model_text(model: ModelData) -> str:
 
 
 def _keys(table: Mapping[str, object]) -> str:
-    """Write keys and values, leaving out those without a value."""
+    """Return keys and values as text, without keys that have no value."""
     return "".join(
         f"{toml_key(key)} = {toml_value(value)}\n"
         for key, value in table.items()
@@ -189,10 +189,10 @@ def _cells(cells: CellWeights) -> str:
 
 
 def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingProxyType({})) -> str:
-    """Write the keys of a record, without defaults and without its nested tables.
+    """Return the keys of a record as text, without defaults and without its nested tables.
 
-    Deviations come with what they are of the largest output. A scheduling variable has a name only
-    where the model has one.
+    Deviations get a comment with their share of the largest output. A scheduling variable has a
+    name only if the model has one.
     """
     hints = get_type_hints(type(record), include_extras=True)
     largest: float = getattr(record, "largest_output", 0.0)
@@ -221,7 +221,7 @@ def _holds_tables(value: object) -> bool:
 
 
 def _plain(value: Any, *, whole: bool = False) -> Any:
-    """Return a value as Python's own; every number that counts nothing is a float."""
+    """Return a value as a Python type; all numbers are floats unless `whole` is set."""
     match value:
         case str() | bool():
             return value
