@@ -98,8 +98,8 @@ def require_gaps(records: FitRecords, gap_map: str) -> None:
     """Raise an error if a gap map is requested for loops at a single gap."""
     if gap_map != "auto" and records.gap_count < 2:
         raise InputError(
-            f"gap map '{gap_map}' needs loops at two gaps or more, there are loops at one; measure "
-            "another gap, or use --gap-map auto for a model of this gap alone",
+            f"gap map '{gap_map}' needs loops at two or more gaps, but there is only one; measure "
+            "another gap, or use --gap-map auto for a model of this gap",
             code="single-gap",
             key="gap_map",
         )

@@ -73,11 +73,11 @@ def fit_creeping(loopset: Loops) -> Outcome:
         candidates.append(
             _make_candidate(problem, f"play cells{_describe_dynamics(chosen)}", chosen)
         )
-    reason = "neither lag nor creep takes away 2 % of the deviation"
+    reason = "neither lag nor creep reduces the deviation by 2 %"
     if chosen is not fit_without_lag:
         reason = (
-            f"lag and creep take the deviation to {chosen.rms / fit_without_lag.rms:.2f} of that of play "
-            "cells that answer at once"
+            f"lag and creep reduce the deviation to {chosen.rms / fit_without_lag.rms:.2f} of that of play "
+            "cells without them"
         )
     if problem.exceeds_noise(chosen):
         grid_problem, grid_fit, grid_error, few_error = _fit_on_grid(problem, chosen)
@@ -111,7 +111,7 @@ def fit_creeping(loopset: Loops) -> Outcome:
         int(np.count_nonzero(chosen.weights)),
         problem.solve_count,
         "nothing is scheduled",
-        dead_band="none: play cells need none",
+        dead_band="none: not needed for play cells",
         candidates=(*candidates[:-1], chosen_candidate),
         law_reason=reason,
     )
@@ -208,10 +208,10 @@ def limit_rate(model: Model, loopset: Loops) -> tuple[Model, str]:
     assert model.dynamics is not None
     model = replace(model, dynamics=replace(model.dynamics, fastest=fastest))
     if not excluded:
-        return model, f"the loops run at up to {fastest:.2g} Hz; beyond nothing is known"
+        return model, f"the loops run at up to {fastest:.2g} Hz; faster runs were not measured"
     return model, (
-        f"the model holds up to {fastest:.2g} Hz: there it misses {100 * mean_errors[first_excluded - 1]:.2g} % of "
-        f"the range, at {rates[first_excluded]:.2g} Hz {100 * mean_errors[first_excluded]:.2g} %"
+        f"the model is valid up to {fastest:.2g} Hz: its error is {100 * mean_errors[first_excluded - 1]:.2g} % of "
+        f"the range there, and at {rates[first_excluded]:.2g} Hz {100 * mean_errors[first_excluded]:.2g} %"
     )
 
 

@@ -331,7 +331,7 @@ def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
     sizes = [float(np.max(np.abs(loop.output))) for loop in loops]
     if min(sizes) == 0.0:
         raise InputError(
-            "a loop has no output at all; weigh by 'loops' or leave it out", code="no-output"
+            "a loop has zero output; use weights 'loops' or remove the loop", code="no-output"
         )
     return [weight / size for weight, size in zip(each, sizes, strict=True)]
 
@@ -355,7 +355,7 @@ def make_fit_records(
     output_span = largest_output(loopset)
     if not any(np.any(loop.output) for loop in loops):
         raise InputError(
-            f"the {loopset.output.name} is zero throughout; check the columns", code="no-output"
+            f"the {loopset.output.name} is zero in all loops; check the columns", code="no-output"
         )
     weights = _weights(loops, output_span, weighting)
     clocks = chain.from_iterable(relative_times(list(groups.values())))

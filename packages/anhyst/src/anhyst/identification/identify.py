@@ -195,20 +195,20 @@ def check_options(law: str, gap_map: str, search: str) -> None:
         # In this law, alpha acts on the irreversible part only, and a reluctance does not. One
         # parameter would be fitted for two.
         raise InputError(
-            f"gap map '{gap_map}' does not go with the law {law}; use --law {DEFAULT_LAW}, or "
+            f"gap map '{gap_map}' cannot be used with law {law}; use --law {DEFAULT_LAW}, or "
             "--gap-map scaling",
             code="choices-together",
             key="gap_map",
         )
     if kernel is None and search == "paper":
         raise InputError(
-            f"search 'paper' needs a law of the core, {law} is none; use default",
+            f"search 'paper' needs a law of the core, not {law}; use --search default",
             code="choices-together",
             key="search",
         )
     if search == "paper" and gap_map == "circuit":
         raise InputError(
-            "gap map 'circuit' is none of the paper's; use --search default, or --gap-map auto",
+            "gap map 'circuit' is not in the paper; use --search default, or --gap-map auto",
             code="choices-together",
             key="gap_map",
         )
@@ -272,7 +272,7 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:
         if run.best is None:
             raise
     best_fit = run.best.with_records(run.records)  # the search may have thinned them
-    reason = "the search was interrupted: this is the best so far"
+    reason = "the search was interrupted: this is the best model so far"
     return make_outcome(best_fit, loops, reason, interrupted=True)
 
 
@@ -297,22 +297,20 @@ def _warnings(loops: Loops, outcome: Outcome) -> list[str]:
     warnings += [outcome.map_reason] if gaps == 2 else []
     if outcome.resumed_stages:
         warnings.append(
-            f"went on from a checkpoint: {outcome.resumed_stages} stages were done already"
+            f"continued from a checkpoint: {outcome.resumed_stages} stages were already complete"
         )
     if loops.schedule is not None and gaps == 1:
-        warnings.append(
-            f"loops at one {loops.schedule.name} only: the model holds there and nowhere else"
-        )
+        warnings.append(f"loops at only one {loops.schedule.name}: the model is valid only there")
     if len(loops) == 1:
         size = f"{100.0 * outcome.ambiguity:.2g} % of the largest output"
-        ambiguity_text = f"laws that follow it alike differ by {size} within it, and "
-        guess = "how inner loops run is a guess of the law; measure smaller loops too"
-        warnings.append("one loop only: " + (ambiguity_text if outcome.ambiguity else "") + guess)
+        ambiguity_text = f"laws that fit it equally well differ by {size} inside it, and "
+        guess = "inner loops are a guess of the law; measure smaller loops too"
+        warnings.append("only one loop: " + (ambiguity_text if outcome.ambiguity else "") + guess)
     samples = sum(loop.n for loop in loops.loops)
     if samples < MIN_SAMPLES_PER_PARAMETER * quantities:
         warnings.append(
-            f"{samples} samples for {quantities} quantities to find: that the model fits proves "
-            "nothing; record more samples"
+            f"{samples} samples for {quantities} parameters: a good fit is "
+            "not evidence; record more samples"
         )
     return warnings
 

@@ -240,11 +240,11 @@ def explain_dead_band(before: FoundModel, after: FoundModel) -> str:
     ratio = after.space.form.dead_band
     if ratio == 0.0:
         return (
-            f"none: even one of {DEAD_BAND_RATIOS[-1]:g}*k costs more than "
-            f"{MAX_DEVIATION_RATIO - 1:.0%} of the deviation"
+            f"none: even {DEAD_BAND_RATIOS[-1]:g}*k increases the deviation by more than "
+            f"{MAX_DEVIATION_RATIO - 1:.0%}"
         )
     change = float(np.sqrt(after.cost / before.cost)) - 1.0
     return (
-        f"r_d = {ratio:g}*k, the widest tried that costs at most {MAX_DEVIATION_RATIO - 1:.0%} of the deviation "
-        f"from the loops; it changes by {100.0 * change:+.1f} %"
+        f"r_d = {ratio:g}*k, the widest that increases the deviation by at most {MAX_DEVIATION_RATIO - 1:.0%}; "
+        f"the deviation from the loops changes by {100.0 * change:+.1f} %"
     )

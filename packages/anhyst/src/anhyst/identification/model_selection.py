@@ -499,15 +499,16 @@ def _require_no_drift(fit: FoundModel, loopset: Loops) -> None:
     rms = math.sqrt(float(np.mean(np.concatenate(residuals) ** 2))) / largest_output(loopset)
     if rms > max(_MAX_DRIFT_RMS, _MAX_DRIFT_RATIO * math.sqrt(fit.cost)):
         raise InputError(
-            f"without a drift of the sensor, it leaves {100.0 * rms:.2g} % rms", code="needs-drift"
+            f"without a fitted sensor drift, its error is {100.0 * rms:.2g} % rms",
+            code="needs-drift",
         )
 
 
 def _finish(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel, str]:
     """Add the dead band and run the fit to convergence on all samples."""
-    dead_band = "none: it was not wanted"
+    dead_band = "none: not requested"
     if fit.space.form.cells is not None:
-        dead_band = "none: play cells need none"
+        dead_band = "none: not needed for play cells"
     elif run.dead_band:
         fit, dead_band = _add_dead_band(run, loopset, fit)
     start = use_exact_tables(fit)

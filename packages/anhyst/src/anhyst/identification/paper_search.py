@@ -85,8 +85,8 @@ class EvolutionStrategy:
             )
         if not 1 <= parents < children:
             raise InputError(
-                f"evolution strategy: {children} children of {parents} parents leave nothing to "
-                "select; take about seven children for a parent",
+                f"evolution strategy: {children} children of {parents} parents allow no "
+                "selection; use about seven children per parent",
                 code="too-few-children",
             )
         self._low, self._high = low.copy(), high.copy()
@@ -315,7 +315,7 @@ def spline_model_at(model: Model, gap: float) -> Model:
     """
     if len(model.nodes) < 2:
         raise InputError(
-            "a spline over the gap needs a model with two nodes or more", code="single-gap"
+            "a spline over the gap needs a model with at least two nodes", code="single-gap"
         )
     # Imported here, because the import takes longer than the default search, which does not need
     # it.

@@ -213,8 +213,8 @@ def _last_varying(bench: PaperSearch, gap_map: str) -> str | None:
     if name is not None and name not in bench.searched_names:
         quantity = bench.loopset.input.name
         raise InputError(
-            f"gap map '{gap_map}' with search 'paper' keeps {name} to the last, but with a measured "
-            f"{quantity} {name} is known; use --gap-map auto or --search default",
+            f"gap map '{gap_map}' with search 'paper' reduces to {name}, but {name} is known with a "
+            f"measured {quantity}; use --gap-map auto or --search default",
             code="choices-together",
             key="gap_map",
         )
@@ -261,14 +261,16 @@ def _as_series_reluctance(sets: list[ParameterSet], h: float) -> list[ParameterS
 
 def _explain(state: SearchState, model: Model, is_reducing: bool, is_interrupted: bool) -> str:
     if is_interrupted:
-        return "the search was interrupted: this is the best so far"
+        return "the search was interrupted: this is the best model so far"
     if not model.nodes or len(model.nodes) < 2:
-        return "there is one gap only, so nothing runs over it"
+        return "there is only one gap, so no parameter depends on it"
     if not is_reducing:
-        return "gap map 'free' was asked for, so nothing was made common to all gaps"
+        return "gap map 'free' was requested, so there was no reduction"
     last_varying = state.varying[0]
     if model.gap_map == "reluctance":
-        return f"the reduction left {last_varying} over the gap: a reluctance in series, so it is kept as rho"
+        return f"after the reduction, only {last_varying} depends on the gap: a series reluctance, stored as rho"
     if model.gap_map == "free":
-        return f"the reduction left {last_varying} over the gap: for runs at a fixed gap"
-    return f"the reduction left {last_varying} over the gap"
+        return (
+            f"after the reduction, only {last_varying} depends on the gap: for runs at a fixed gap"
+        )
+    return f"after the reduction, only {last_varying} depends on the gap"

@@ -67,8 +67,8 @@ class RateFit:
         assert isinstance(gamma, float)
         assert dynamics is not None
         statement = (
-            f"gamma, how late the middle of the iron is, is known to {100.0 * self.log_gamma_std:.2g} %; it was "
-            f"measured up to {dynamics.fastest:.3g} Hz, beyond nothing is known"
+            f"gamma has a standard deviation of {100.0 * self.log_gamma_std:.2g} %; it was measured "
+            f"up to {dynamics.fastest:.3g} Hz, faster runs were not measured"
         )
         correlation = np.eye(len(known.correlation) + 1)
         correlation[:-1, :-1] = known.correlation or np.empty((0, 0))
@@ -269,7 +269,8 @@ def fit_rate(
     static_text = f"{100.0 * static_error:.2g} % of the largest output"
     if chosen is None:
         return RateFit(
-            static, f"fast loops gain nothing from layers: the static model misses {static_text}"
+            static,
+            f"layers do not improve the fast loops: the error of the static model is {static_text}",
         )
     rate, std = chosen
     rate_model = replace(
@@ -278,10 +279,14 @@ def fit_rate(
         layers=Layers(rate.count, *rate.shares) if rate.count > 1 else None,
         dynamics=replace(model.dynamics or Dynamics(), fastest=speeds.fastest_rate),
     )
-    layers_text = "a lag of the flux misses" if rate.count == 1 else f"{rate.count} layers miss"
+    layers_text = (
+        "a lag of the flux has an error of"
+        if rate.count == 1
+        else f"{rate.count} layers have an error of"
+    )
     reason = (
-        f"{layers_text} {100.0 * best_error:.2g} % of the fast loops; of what is left out of a fit rate leaves "
-        f"{100.0 * withheld_error:.2g} %, the static model {static_text}"
+        f"{layers_text} {100.0 * best_error:.2g} % of full scale at the fast loops; its error at withheld loops is "
+        f"{100.0 * withheld_error:.2g} %, that of the static model {static_text}"
     )
     return RateFit(rate_model, reason, std, mean_error([*problem.groups, problem.slow], rate))
 

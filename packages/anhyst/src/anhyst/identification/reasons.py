@@ -57,9 +57,7 @@ def explain_law(comparison: Comparison, best: ModelCandidate, law: str, loopset:
     withheld = {"gap": _schedule_plural(loopset), "loop": "loops", "block": "blocks of samples"}
     own_error = comparison.finite_withheld_error(best)
     if own_error is None:
-        return (
-            f"law {names[best]}: the simplest, no candidate has an answer at all withheld samples"
-        )
+        return f"law {names[best]}: the simplest, because no candidate has a solution at all withheld samples"
     text = (
         f"law {names[best]} predicts withheld {withheld[comparison.withheld_kind]} with a mean error of "
         f"{_percent(own_error)} of the largest output"
@@ -104,12 +102,12 @@ def explain_gap_map(
     gaps, count = _schedule_plural(loopset), len(loopset.schedule_values)
     if count < 2:
         schedule_name = loopset.schedule.name if loopset.schedule else "gap"
-        return f"there are loops at one {schedule_name} only, so no parameter depends on the {schedule_name}"
+        return f"there are loops at only one {schedule_name}, so no parameter depends on the {schedule_name}"
     if count == 2:
         reason = (
-            f"gap map '{name}' was {'chosen by its fit alone' if requested == 'auto' else 'requested'}; "
-            f"with two {gaps} none can be withheld to test it, so between and beyond them the model "
-            "is a guess"
+            f"gap map '{name}' was {'selected by its fit only' if requested == 'auto' else 'requested'}; "
+            f"with two {gaps} none can be withheld for a test, so the model is a guess between and "
+            "beyond them"
         )
     elif requested != "auto":
         reason = f"gap map '{name}' was requested"
@@ -119,7 +117,7 @@ def explain_gap_map(
     if names := dict.fromkeys(each.file_gap_map for each in rejected):
         text += (
             f"; passed over: {', '.join(names)} (cannot be compiled, fails the acceptance test, "
-            "deviates between the gaps or starts far from the measurement)"
+            "deviates between the gaps or has an implausible initial curve)"
         )
     return text
 
@@ -135,12 +133,12 @@ def _explain_comparison(comparison: Comparison, best: ModelCandidate, gaps: str)
         "largest output"
     )
     if others := ", ".join(
-        f"{other} {_percent(error)}" if np.isfinite(error) else f"{other} has no answer there"
+        f"{other} {_percent(error)}" if np.isfinite(error) else f"{other} has no solution there"
         for other, error in errors.items()
     ):
         reason += f" ({others})"
     if any(error < own_error for error in errors.values()):
-        reason += "; a smaller error is within its scatter, of a more complex map or of a worse fit"
+        reason += "; a smaller error is within its scatter, or belongs to a more complex map or a worse fit"
     return reason
 
 

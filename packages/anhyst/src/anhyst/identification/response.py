@@ -120,7 +120,7 @@ class ResponseForm:
 def require_slope(sets: Sequence[ParameterSet]) -> None:
     """Raise an error for sets whose curve would be almost as flat as the air core."""
     if max(local.h * local.omega for local in sets) > MAX_FLATNESS:
-        raise NoResponseError("the curve would be all but as flat as the air core")
+        raise NoResponseError("the curve would be almost as flat as the air core")
 
 
 class Responder:

@@ -183,7 +183,7 @@ def _read_option_validator(name: str) -> AfterValidator:
         for step in options.clean:
             if step not in STEPS:
                 raise InputError(
-                    f"'{step}' is not known; there are: {', '.join(STEPS)}",
+                    f"'{step}' is unknown; use one of {', '.join(STEPS)}",
                     code="unknown-cleaning-step",
                 )
         return text

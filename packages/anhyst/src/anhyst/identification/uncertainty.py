@@ -109,7 +109,7 @@ def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
             names.append(_label(space.fit_parameters[name], units))
             values.append(reading.offset)
             stds.append(reading.half_width)
-            sentences.append(f"{names[-1]}: what the sensor reads at rest, not fitted")
+            sentences.append(f"{names[-1]}: sensor reading at rest, not fitted")
     full_correlation = np.eye(len(names))
     full_correlation[: space.size, : space.size] = correlation
     return Uncertainty(
@@ -130,23 +130,23 @@ def describe_uncertainty(
 ) -> list[str]:
     """Describe which parameters are uncertain, and which are not separable."""
     uncertain = [
-        (name, "more than its size" if std > abs(value) else f"{100 * std / abs(value):.0f} %")
+        (name, "more than its value" if std > abs(value) else f"{100 * std / abs(value):.0f} %")
         for name, value, std in zip(names, values, stds, strict=True)
         if "offset" not in name and std > _MAX_RELATIVE_STD * abs(value)
     ]
     sentences = [
-        f"{name} is hardly determined by these loops: uncertain by {share}"
+        f"{name} is barely determined by these loops: uncertain by {share}"
         for name, share in uncertain
     ]
     if len(uncertain) > _MAX_NAMED_PARAMETERS:
         listed = ", ".join(name for name, _ in uncertain[:_MAX_NAMED_PARAMETERS])
         sentences = [
-            f"{len(uncertain)} of {len(names)} numbers are hardly determined by these loops one by one, "
+            f"{len(uncertain)} of {len(names)} parameters are barely determined individually by these loops, "
             f"uncertain by more than {100 * _MAX_RELATIVE_STD:.0f} %: {listed}, ..."
         ]
     sentences.extend(
-        f"{', '.join(names[index] for index in group)}: determined only together (correlations above "
-        f"{_MAX_SEPARABLE_CORRELATION:g}); none of them means much by itself"
+        f"{', '.join(names[index] for index in group)}: not separable (correlations above "
+        f"{_MAX_SEPARABLE_CORRELATION:g}); single values are not meaningful"
         for group in _group_correlated(correlation)
     )
     return sentences
@@ -157,14 +157,14 @@ def _describe_gauge(fit: FoundModel) -> list[str]:
     sentences, form, gap_map = [], fit.space.form, fit.space.file_gap_map
     if form.permeability == 0.0:
         sentences.append(
-            "M_s is a choice of gauge, on which no output depends; the slope of the air core is "
-            f"hardly determined by these loops: a/(M_s*(1-alpha)) is set to {form.h:g}, which matters "
-            "beyond the measured range"
+            "M_s was chosen freely (gauge), because no output depends on it; the slope of the air core is "
+            f"barely determined by these loops: a/(M_s*(1-alpha)) is set to {form.h:g}, which matters "
+            "only beyond the measured range"
         )
     if gap_map in SERIES_MAPS:
         sentences.append(
-            f"alpha and an offset of rho act alike in the {gap_map} map: alpha is chosen so that "
-            "rho is nowhere negative down to the closed gap"
+            f"alpha and an offset of rho are not separable in the {gap_map} map: alpha is chosen so that "
+            "rho is not negative for any gap down to zero"
         )
     return sentences
 

@@ -20,7 +20,7 @@ _OWN_LAWS = (EFFECTIVE_FIELD, JILES_ATHERTON_1986, PLAY_CELLS, PLAY_CELLS_LANGEV
 def _find_fault(law: object, name: str) -> str:
     """Return the fault that makes a law of another package unusable; empty if there is none."""
     if not isinstance(law, Law):
-        return "and it is no Law"
+        return "and it is not a Law"
     names, argument_names = [spec.name for spec in law.parameters], []
     with suppress(TypeError, ValueError):  # some C functions have no signature
         argument_names = list(inspect.signature(law.iron).parameters)

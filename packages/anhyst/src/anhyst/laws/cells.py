@@ -94,7 +94,7 @@ class CellWeights:
             return "centres must be finite and not negative"
         if not np.isfinite(weights).all() or (weights < 0.0).any():
             return "weights must be finite and not negative"
-        return None if weights.any() else "weights are all 0; one at least must be above"
+        return None if weights.any() else "weights are all 0; at least one must be above 0"
 
     def __eq__(self, other: object) -> bool:
         """Compare by value."""
@@ -190,7 +190,9 @@ def discretise_populations(
     """Discretise populations into cells."""
     populations = [cell for cell in pinned if cell.magnetisation != 0.0]
     if not populations:
-        raise ValueError("no population has a magnetisation above 0; nothing would be pinned")
+        raise ValueError(
+            "no population has a magnetisation above 0; give one to at least one population"
+        )
     for population in populations:
         if not all(np.isfinite(population)) or min(population) <= 0.0:
             raise ValueError("a population needs finite numbers above 0")

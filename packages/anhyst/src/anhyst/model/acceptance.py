@@ -74,7 +74,7 @@ class GapCheck:
         return (
             f"the output falls as the gap closes: by {100 * self.fall:.2g} % of the largest, at "
             f"{at} and {self.at_drive:.4g} {unit} on the {self.branch} branch; "
-            "no electromagnet with a plain gap does that, do not use the model there"
+            "no electromagnet with a simple gap does that; do not use the model there"
         )
 
 
@@ -98,10 +98,10 @@ class DriveCheck:
         if self.failure:
             return f"the model cannot be computed {self.where}: {self.failure}"
         if self.passed:
-            return "the output nowhere falls as the drive rises from rest"
+            return "the output never falls as the drive rises from rest"
         return (
             f"the output falls as the drive rises: by {100 * self.fall:.2g} % of the largest, at "
-            f"{self.at_drive:.4g} {unit} {self.where}; no electromagnet does that, do not use the "
+            f"{self.at_drive:.4g} {unit} {self.where}; no electromagnet does that; do not use the "
             "model there"
         )
 

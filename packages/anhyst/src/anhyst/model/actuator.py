@@ -232,7 +232,7 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
     """Read the measurements of a model again, with the options of its identification."""
     sources = model.provenance.sources
     if not sources:
-        text = "the model does not say which measurements it came from: [provenance]"
+        text = "the model does not list its measurements; identify again, or add [provenance]"
         raise InputError(text, code="no-provenance", key="provenance")
     texts = {
         name.removeprefix(SETTING_PREFIX): str(value)
@@ -257,10 +257,10 @@ def _find_source(path: str, sha256: str, folder: Path) -> Path:
             if hashlib.file_digest(stream, "sha256").hexdigest() == sha256:
                 return candidate
     if present:
-        text = f"{present[0]}: has changed since the model was identified; identify again"
+        text = f"{present[0]}: file changed after the identification; identify again"
         raise InputError(text, code="source-changed")
     raise InputError(
-        f"{path}: no such file; put the measurements back or identify again", code="no-such-file"
+        f"{path}: no such file; restore the measurements or identify again", code="no-such-file"
     )
 
 
@@ -282,7 +282,7 @@ def find_compile_obstacle(model: Model) -> str | None:
             f"identify with --gap-map {others}"
         )
     if model.has_eddy_currents and not (model.has_layers or model.has_lag):
-        return "gamma: what answers late cannot be compiled; take the model at rest (at_rest)"
+        return "gamma: these eddy currents cannot be compiled; use the model at rest (at_rest)"
     return _find_jump(model)
 
 
@@ -308,8 +308,8 @@ def _find_jump(model: Model) -> str | None:
     if not jumps.any():
         return None
     text = (
-        "alpha: the output jumps at some currents, and no current holds it in between "
-        "(the coupling of the iron outweighs the gap), so that the model cannot be compiled: "
+        "alpha: the output jumps at some currents, and no current gives the values between "
+        "(the coupling of the iron exceeds the effect of the gap), so the model cannot be compiled: "
     )
     if jumps.all():
         other = "scaling" if "rho" in model.varying else "reluctance"
@@ -318,8 +318,8 @@ def _find_jump(model: Model) -> str | None:
     name, unit = ("", "") if model.schedule is None else (model.schedule.name, model.schedule.unit)
     low, high = gaps[jumps].min(), gaps[jumps].max()
     return (
-        f"{text}it jumps at a {name} of {low:.3g} to {high:.3g} {unit}: leave out the loops there, "
-        f"or narrow the {name} in the model's [valid] to what lies beyond"
+        f"{text}it jumps at a {name} of {low:.3g} to {high:.3g} {unit}: remove the loops there, "
+        f"or limit the {name} in the model's [valid] to values without jumps"
     )
 
 

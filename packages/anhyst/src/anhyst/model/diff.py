@@ -85,7 +85,7 @@ class ModelDiff(Result):
         """Return the differences, and the distance of the loops."""
         facts = {"different": ", ".join(item.name for item in (*self.settings, *self.parameters))}
         if self.mean is not None and self.worst is not None:
-            facts |= {"mean": f"{self.mean:.3g}", "worst": f"{self.worst:.3g} in SI units"}
+            facts |= {"mean": f"{self.mean:.3g}", "worst": f"{self.worst:.3g} (SI)"}
         return {"same": "yes"} if self.same else facts
 
     def to_columns(self) -> dict[str, Any]:
@@ -164,7 +164,7 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
     """Return the nodes of both models and the middles between them, within both valid ranges."""
     if first.schedule != second.schedule and (first.needs_schedule or second.needs_schedule):
         raise InputError(
-            "the models run over different quantities: no loops compared", code="quantities-differ"
+            "the scheduling variables differ: no loops compared", code="quantities-differ"
         )
     nodes = np.unique([*first.nodes, *second.nodes])
     if not nodes.size:

@@ -163,6 +163,6 @@ def describe_too_fast(dynamics: Dynamics, drive: FloatArray, time: FloatArray) -
     if dynamics.fastest == 0.0 or rate <= MAX_RATE_RATIO * dynamics.fastest:
         return ()
     return (
-        f"the record runs at {rate:.3g} Hz, the model was seen to hold up to "
-        f"{dynamics.fastest:.3g} Hz: a loop widens with its rate; measure and identify at this one",
+        f"the record runs at {rate:.3g} Hz, but the model was validated only up to "
+        f"{dynamics.fastest:.3g} Hz: loops widen with their rate; measure and identify at this rate",
     )

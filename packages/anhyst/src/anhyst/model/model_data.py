@@ -60,7 +60,7 @@ def _iron(law: Law, layers: Layers | None, *parameters: float) -> IronOperator:
         iron = law.iron(*parameters)
         if layers is not None:
             if not isinstance(iron, AnyIron):
-                raise ValueError(f"the core does not have law {law.name}, and layers run there")
+                raise ValueError(f"layers need a law of the core, not {law.name}")
             iron.make_solid(layers.count, layers.surface, layers.laminated)
         return iron
     except ValueError as error:
@@ -152,7 +152,7 @@ class ModelData:
             raise InputError(text, code=problems[0].code, key=problems[0].key)
         if nodes and self.schedule is None:
             raise wrong_key(
-                "model", "there are nodes but no scheduling variable; name it", code="no-schedule"
+                "model", "there are nodes but no scheduling variable; add it", code="no-schedule"
             )
         complete = {
             name: parameters.get(name, 0.0 if spec.default is None else spec.default)
@@ -254,7 +254,7 @@ class ModelData:
     def valid_range(self) -> schema.ValidRange:
         """The valid range; a model without one raises `InputError`."""
         if self.valid is None:
-            text = "the model does not say where it holds ([valid]); identify it from loops"
+            text = "the model has no valid range ([valid]); identify it from loops"
             raise InputError(text, code="no-valid-range", key="valid")
         return self.valid
 
@@ -291,8 +291,8 @@ class ModelData:
             for extreme in (values.min(), values.max()):
                 if problem := self.specs[name].find_problem(float(extreme)):
                     raise InputError(
-                        f"{name} {problem}, in the straight line beyond the nodes "
-                        f"{self.nodes[0]:g} to {self.nodes[-1]:g}; stay nearer to them",
+                        f"{name} {problem}, in the extrapolation beyond the nodes "
+                        f"{self.nodes[0]:g} to {self.nodes[-1]:g}; stay closer to them",
                         code="too-far-beyond-nodes",
                         key=name,
                     )
@@ -315,7 +315,7 @@ class ModelData:
         if self.needs_schedule:
             assert self.schedule is not None
             raise InputError(
-                f"the model runs over {self.schedule.name}: give it, in a file as column "
+                f"the model depends on {self.schedule.name}: give its values, in a file as column "
                 f"{self.schedule.column}",
                 code="schedule-missing",
                 key=self.schedule.column,

@@ -28,11 +28,11 @@ GapMap = Literal["none", "scaling", "reluctance", "circuit", "free"]
 GAP_MAPS: tuple[GapMap, ...] = ("none", "scaling", "reluctance", "circuit", "free")
 
 CIRCUIT_SPECS = (
-    ParameterSpec("c_H", "drive of the iron for a unit of input", low=0.0, coordinate="reciprocal"),
-    ParameterSpec("rho", "reluctance of the gap over that of an air-filled iron path", low=0.0,
+    ParameterSpec("c_H", "drive of the iron per unit of input", low=0.0, coordinate="reciprocal"),
+    ParameterSpec("rho", "reluctance of the gap, relative to that of an air-filled iron path", low=0.0,
                   closed=True, default=0.0),
     ParameterSpec("gamma", "eddy currents, 0 for none", low=0.0, closed=True, default=0.0),
-    ParameterSpec("c_out", "output for a unit of flux density (squared for a force)", low=0.0,
+    ParameterSpec("c_out", "output per unit of flux density (squared for a force)", low=0.0,
                   coordinate="log"),
     ParameterSpec("in_0", "offset of the input", default=0.0),
     ParameterSpec("out_0", "offset of the output", default=0.0),
@@ -230,8 +230,8 @@ class Curve:
         if (np.abs(straight) > MAX_LOGARITHM if is_log else straight <= 0.0).any():
             raise wrong_key(
                 self.name,
-                f"the straight line beyond the nodes {self.nodes[0]:g} to {self.nodes[-1]:g} has "
-                "left the range of the parameter; stay nearer to the nodes",
+                f"the extrapolation beyond the nodes {self.nodes[0]:g} to {self.nodes[-1]:g} has "
+                "left the range of the parameter; stay closer to the nodes",
                 code="too-far-beyond-nodes",
             )
         return exp(straight) if is_log else 1.0 / straight

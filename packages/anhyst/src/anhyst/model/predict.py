@@ -121,7 +121,7 @@ def _run_without_dynamics(
     if len(runs) > 1:
         notes.append(
             f"the schedule changes {len(runs) - 1} times; the iron of this model changes with it, "
-            f"so each stretch starts again ({history_before})"
+            f"so each part starts with the history again ({history_before})"
         )
     if model.dynamics is not None and time is not None:
         notes += describe_too_fast(model.dynamics, drive, as_samples(time, "time", drive.size))
@@ -201,7 +201,7 @@ def _flux_at_rest(model: ModelData, schedule: FloatArray | None, past: History) 
 def _require_times(time: ArrayLike | None, size: int, reason: str) -> FloatArray:
     """Return the times of samples, s; `reason` is the part of the model that needs them."""
     if time is None:
-        text = f"the model has {reason}: give the time, in a file as column t_s"
+        text = f"the model has {reason}; give the time, in a file as column t_s"
         raise InputError(text, code="time-missing", key="t_s")
     clock = as_samples(time, "time", size)
     if (np.diff(clock) <= 0.0).any():
@@ -282,8 +282,8 @@ def _settle(
     )
     if status == NOT_SETTLED:
         raise NegativeResult(
-            f"the {kind} was repeated {cycles} times and the cycle still does not close: "
-            "it is too small against the pinning of the model; use another history",
+            f"the {kind} was repeated {cycles} times, but the cycle does not close: "
+            "it is too small relative to the pinning of the model; use another history",
             code="cycle-does-not-close",
         )
     if status != OK:  # once more, to find the sample
@@ -306,7 +306,7 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
         raise wrong_key(name, text, code="length-differs")
     finite = np.isfinite(array)
     if not finite.all():
-        text = f"sample {int(np.argmin(finite))} is not a finite number; mend it"
+        text = f"sample {int(np.argmin(finite))} is not a finite number; correct it"
         raise wrong_key(name, text, code="not-finite")
     return array
 
@@ -344,7 +344,7 @@ def _split_runs(model: ModelData, schedule: FloatArray | None, size: int) -> Ite
     if len(lengths) > 1 and lengths.min() < MIN_RUN_SAMPLES:
         raise InputError(
             f"the schedule moves at sample {int(edges[1])}, but in this model (gap map 'free') the "
-            f"iron itself varies with it ({', '.join(model.varying)}): run each value by itself, "
+            f"iron itself varies with it ({', '.join(model.varying)}): run each value separately, "
             "or identify with the gap map scaling or reluctance",
             code="schedule-moves",
         )

@@ -207,7 +207,7 @@ def _compute_runs(
         except SampleError as error:
             raise InputError(
                 f"{table.locate_row(int(rows[error.sample]))}: {quantity.name.replace('_', ' ')} "
-                f"{error.what}; stay nearer to the valid range of the model",
+                f"{error.what}; stay closer to the valid range of the model",
                 code="sample-refused",
             ) from error
         except (InputError, NegativeResult) as error:
@@ -309,7 +309,7 @@ def _add_computed_columns(
         flag = "valid_model"
     if name in columns or flag in columns:
         taken = name if name in columns else flag
-        text = f"{table.path}: has a column '{taken}' already; rename it in the file"
+        text = f"{table.path}: already has a column '{taken}'; rename it in the file"
         raise InputError(text, code="exists-already", key=taken)
     return name, columns | {name: answer, flag: valid}
 

@@ -46,7 +46,7 @@ def flag_samples(
     if not reachable.all():
         flags.append(_describe_samples(reachable, output, model.output.unit, rows, _UNREACHABLE))
     if model.valid is None:
-        flags.append("the model does not say where it holds (no [valid]): nothing could be checked")
+        flags.append("the model has no valid range (no [valid]), so samples were not checked")
         return valid, tuple(flags)
     computed_quantity = {"drive": model.output, "demand": model.input}[kind]
     ranges = (
@@ -89,7 +89,9 @@ def describe_far_value(
     largest_value = float(values[np.argmax(np.abs(values))])
     if abs(largest_value) > UNIT_ERROR_RATIO * largest > 0.0:
         factor = abs(largest_value) / largest
-        text = f"{name} {largest_value:g} {unit} is {factor:.3g} times the largest {name} the model knows"
+        text = (
+            f"{name} {largest_value:g} {unit} is {factor:.3g} times the largest {name} of the model"
+        )
         unit_guess = likely_unit(quantity, factor)
         return f"{text}; given in {unit_guess}?" if unit_guess else text
     smallest_value = float(np.abs(values).min())
@@ -97,8 +99,8 @@ def describe_far_value(
     if quantity.name == "gap" and 0.0 < UNIT_ERROR_RATIO * smallest_value < min(limits):
         factor = min(limits) / smallest_value
         return (
-            f"{name} {smallest_value:g} {unit} is {factor:.3g} times less than the smallest {name} the model "
-            f"knows; metres taken for {likely_unit(quantity, factor) or 'another unit'}?"
+            f"{name} {smallest_value:g} {unit} is {factor:.3g} times less than the smallest {name} of the "
+            f"model; metres instead of {likely_unit(quantity, factor) or 'another unit'}?"
         )
     return ""
 
@@ -136,7 +138,7 @@ def warn_if_far(
         warnings.warn(text, ImplausibleWarning, stacklevel=4)  # the caller of the model's method
 
 
-_UNREACHABLE = "demand less than any drive can give"
+_UNREACHABLE = "demand an output below that of any drive"
 
 
 def _describe_samples(good: BoolArray, values: FloatArray, unit: str, rows: bool, what: str) -> str:

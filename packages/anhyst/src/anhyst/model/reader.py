@@ -158,7 +158,7 @@ class _Reader:
             if key in fields:
                 table[fields[key]] = table.pop(key)
             elif field := schema.find_field(key, names):
-                text = f"its unit must stand in the key; write {names[field][1]}"
+                text = f"the key must contain its unit; write {names[field][1]}"
                 self.file.add_problem((*at, key), text, code="unit-missing")
                 table[field] = table.pop(key)
         for key, value in table.items():
@@ -208,7 +208,9 @@ class _Reader:
                 text = "the first must not exceed the second"
                 self.file.add_problem(self._file_path(("valid", key)), text, code="range-reversed")
         if "schedule" in content.get("valid", {}) and "schedule" not in content:
-            text = "has a range of a scheduling variable that there is not"
+            text = (
+                "has a range of a scheduling variable, but there is no [schedule]; remove the range"
+            )
             self.file.add_problem(("valid",), text, code="no-schedule")
         if (uncertainty := content.get("uncertainty")) is not None:
             self._check_lengths(uncertainty)
@@ -222,7 +224,7 @@ class _Reader:
             ("correlation", [len(matrix), *map(len, matrix)] if matrix else [count]),
         ):
             if set(sizes) != {count}:
-                text = f"must hold one entry for each of {count} names"
+                text = f"must have one entry for each of {count} names"
                 self.file.add_problem(("uncertainty", key), text, code="length-differs")
 
     def _build(

@@ -303,7 +303,7 @@ def explain_rejection(residual: ResidualAnalysis, loopset: Loops) -> str:
     residuals = np.concatenate([residual for _, residual in single_valued_residuals(loopset)])
     single_valued_rms = float(np.sqrt(np.mean(residuals**2))) / largest_output(loopset)
     if single_valued_rms < 0.5 * residual.rms:
-        return f"{text}; a single-valued curve deviates by {100.0 * single_valued_rms:.2g} % only"
+        return f"{text}; a single-valued curve deviates by only {100.0 * single_valued_rms:.2g} %"
     return (
         f"{text}; no law here follows these loops, or the output depends on more than the "
         f"{loopset.input.name} and its history: plot the record (anhyst inspect --plot), and measure "
@@ -318,9 +318,9 @@ def describe_residual(residual: ResidualAnalysis, loopset: Loops, model: Model) 
         return text
     loop = loopset.loops[outlier.record]
     time = "" if loop.time is None else f" ({loop.time[outlier.sample]:.4g} s)"
-    cause = "a spike or a disturbance; look there"
+    cause = "a spike or a disturbance; check the record there"
     if outlier.is_at_jump:
-        cause = "the input jumps there and the output follows late"
+        cause = "the input jumps there and the output responds late"
     return (
         f"{text}; the worst deviation, {100.0 * outlier.size:.3g} %, is at sample "
         f"{outlier.sample + 1}{time} of {loopset.describe(loop)}: {cause}"
@@ -330,15 +330,15 @@ def describe_residual(residual: ResidualAnalysis, loopset: Loops, model: Model) 
 def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> str:
     full_scale = name_full_scale(loopset.output)
     if residual.beyond_noise == 0.0:
-        done = ": the fit is done" if residual.is_noise else ""
-        return f"the residual ({100.0 * residual.noise:.2g} % of {full_scale} rms) is noise, or too small to see{done}"
+        done = ": the fit is complete" if residual.is_noise else ""
+        return f"the residual ({100.0 * residual.noise:.2g} % of {full_scale} rms) is noise, or negligible{done}"
     text = (
         f"a residual of {100.0 * residual.beyond_noise:.2g} % of {full_scale} rms is not noise "
         f"(noise: {100.0 * residual.noise:.2g} %): "
     )
     if not residual.shapes or residual.shapes[0][1] < _MIN_SECOND_SHARE:
         return text + (
-            "smooth along the record, but of no shape that repeats: details finer than the law has, "
+            "smooth along the record, but without a known shape: details that the law cannot follow, "
             "or a sensor that lags; inspect the record"
         )
     schedule_name = loopset.schedule.name if loopset.schedule is not None else "gap"
@@ -355,7 +355,9 @@ def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> 
         remedy += " or try --gap-map circuit" if model.gap_map not in {"circuit", "free"} else ""
         return f"{text}: the gap map '{model.gap_map}' cannot follow; {remedy}"
     is_named = model.provenance.settings.get("law_wanted", "auto") != "auto"
-    other_law = "; try --law auto" if is_named else ", nor can any that was compared"
+    other_law = (
+        "; try --law auto" if is_named else ", and neither can the other laws that were compared"
+    )
     return f"{text}: {_SHAPE_TEXTS[main].advice.format(other=other_law)}"
 
 
@@ -369,29 +371,29 @@ class _ShapeText(NamedTuple):
 
 _SHAPE_TEXTS: dict[Shape, _ShapeText] = {
     "input": _ShapeText(
-        "a smooth function of the {drive}, alike on rising and falling branches",
+        "a smooth function of the {drive}, equal on ascending and descending branches",
         "a smooth function of the input",
         "the law's curve cannot follow, as in saturation{other}",
     ),
     "direction": _ShapeText(
-        "of opposite sign on rising and falling branches",
-        "of opposite sign on rising and falling branches",
-        "the width of the loops is not that of the law{other}",
+        "of opposite sign on ascending and descending branches",
+        "of opposite sign on ascending and descending branches",
+        "the width of the loops differs from that of the law{other}",
     ),
     "gap": _ShapeText("differs from {at} to {at}", "from {at} to {at}", ""),
     "amplitude": _ShapeText(
         "differs between inner and outer loops",
-        "inner against outer loops",
+        "between inner and outer loops",
         "the law cannot follow all sizes of loops{other}",
     ),
     "start": _ShapeText(
         "in the first {first} samples of a record",
         "at the start of records",
-        "they do not begin as their history says; check --history",
+        "their stated history is wrong; check --history",
     ),
     "drift": _ShapeText(
-        "runs steadily with time",
-        "with time",
+        "is proportional to time",
+        "proportional to time",
         "a sensor drifts; let it warm up, or remove the drift (--clean)",
     ),
 }

@@ -61,7 +61,7 @@ def is_number(value: object) -> bool:
 def _setting(value: Any) -> Any:
     if isinstance(value, str | bool) or is_number(value):
         return value
-    raise PydanticCustomError("not_a_setting", "must be a text, a truth value or a finite number")
+    raise PydanticCustomError("not_a_setting", "must be a text, true or false, or a finite number")
 
 
 Setting = Annotated[str | bool | int | float, PlainValidator(_setting)]
@@ -128,11 +128,11 @@ class CandidateFit(FileRecord):
     def text(self) -> str:
         """Return the candidate as one line."""
         note = f" ({self.note})" if self.note else ""
-        error = "" if self.left_out is None else f", left out {100.0 * self.left_out:.3g} %"
+        error = "" if self.left_out is None else f", withheld {100.0 * self.left_out:.3g} %"
         if self.rms is None:
             return f"{self.law}, {self.gap_map}{note}"
         return (
-            f"{self.law}, {self.gap_map}: {self.numbers} numbers, rms {100.0 * self.rms:.3g} %"
+            f"{self.law}, {self.gap_map}: {self.numbers} parameters, rms {100.0 * self.rms:.3g} %"
             f"{error}{note}"
         )
 

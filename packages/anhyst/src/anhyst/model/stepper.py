@@ -56,8 +56,8 @@ class Stepper:
         if history_before.kind == "settled":
             if model.valid is None:
                 raise InputError(
-                    "a stepper cannot start settled: the model has no valid range of the input to "
-                    "cycle over; pass history='demagnetised' or 'conditioned:...'",
+                    "a stepper cannot start settled: the model has no valid range of the input for "
+                    "the cycle; pass history='demagnetised' or 'conditioned:...'",
                     code="no-valid-range",
                     key="valid",
                 )
@@ -93,7 +93,7 @@ class Stepper:
         slow = self._slow_parts
         if self._output is not None:
             if dt is None:
-                text = "the model creeps ([dynamics]); give the time of the step"
+                text = "the model has creep ([dynamics]); give the time step dt"
                 raise wrong_key("dt", text, code="time-missing")
             slow = self._dynamics.advance(self._flux, slow, dt)
         return float(np.array(self._dynamics.shares) @ slow), slow
@@ -157,7 +157,7 @@ class Stepper:
         ):
             why = "creeps ([dynamics])" if self._dynamics else "has eddy currents (gamma)"
             raise InputError(
-                f"the model {why}; commit one by one, with dt", code="time-missing", key="t_s"
+                f"the model {why}; commit each sample with dt", code="time-missing", key="t_s"
             )
         for end in (at.min(), at.max()):
             self._at(float(end))
@@ -189,7 +189,7 @@ class Stepper:
         if self._circuit_cache is not None and self._circuit_cache[:3] == (at, dt, begun):
             return self._circuit_cache[3]  # at a constant gap, the cache is used in every step
         if dt is None and begun and np.any(self.model.interpolate_parameter("gamma", [at]) > 0.0):
-            text = "the model has eddy currents (gamma); give the time of the step"
+            text = "the model has eddy currents (gamma); give the time step dt"
             raise wrong_key("dt", text, code="time-missing")
         rate = 0.0 if dt is None else 1.0 / dt
         circuit = self.model.circuit(np.array([at]), np.array([rate]))
