@@ -135,7 +135,7 @@ def test_a_killed_search_goes_on_to_the_same_model(tmp_path: Path, loops: str) -
     assert not (killed / "model.toml").exists()
     result = quick(*free, cwd=killed)
     assert result.returncode == ended.returncode, result.stderr
-    assert "anhyst: warning: went on from a checkpoint: " in result.stderr
+    assert "anhyst: warning: continued from a checkpoint: " in result.stderr
     assert contents(killed) == contents(whole)
 
 
