@@ -41,7 +41,9 @@ PIEZO_COMMANDS = (
 )
 """What to run in a drafted rig of each kind."""
 
-RIG_FILE, CONTROLLER_FILE, LOOPS_FOLDER = "rig.toml", "controller.toml", "loops"
+RIG_FILE = "rig.toml"
+CONTROLLER_FILE = "controller.toml"
+LOOPS_FOLDER = "loops"
 """What is written; loops are copied into a folder, so that no file of theirs meets ours."""
 
 

@@ -33,7 +33,8 @@ MAX_DEMAND_RATIO = 0.95
 FULL_SWING_S = 0.015
 """In which the supply drives the current over its whole range."""
 
-HELD_GAP_COUNT, SOLID_HELD_GAP_COUNT = 7, 3
+HELD_GAP_COUNT = 7
+SOLID_HELD_GAP_COUNT = 3
 """Where the armature is held, from the smallest measured gap to the largest; of solid iron."""
 
 

@@ -32,7 +32,8 @@ MAX_LAG_SAMPLES = 3.0
 MIN_RATE_RATIO = 3.0
 MAX_CREEP_RESIDUAL_RATIO = 0.97
 """Deviation, in parts of that without creep, from which on loops show none."""
-OUTLIER_RATIO, MAX_OUTLIER_SHARE = 10.0, 0.02
+OUTLIER_RATIO = 10.0
+MAX_OUTLIER_SHARE = 0.02
 """A sample that deviates so many times as much as usual shows no loop; of so few it is left out."""
 MAX_RESIDUAL_RATIO = 0.05
 """Of the stroke, rms: loops that are followed no better are none of a stack."""

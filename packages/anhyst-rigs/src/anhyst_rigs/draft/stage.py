@@ -18,7 +18,8 @@ ACCELERATING_FORCE_RATIO = 0.9
 """Part of the largest force that accelerates the mass: the rest is for the feedback."""
 PEAK_M_PER_S2 = 22.0
 """Acceleration of the set-point, m/s^2, where the mass is guessed to take all of that."""
-TRAINING_RATIOS, TEST_RATIOS = (1.0, 0.7, 0.4, 0.9, 0.5), (1.0, 0.45, 0.8, 0.27, 0.64, 1.0)
+TRAINING_RATIOS = (1.0, 0.7, 0.4, 0.9, 0.5)
+TEST_RATIOS = (1.0, 0.45, 0.8, 0.27, 0.64, 1.0)
 """Turnarounds of the set-points, in parts of the largest acceleration."""
 JERK_PHASE_S = 7.5e-3
 """Phase of the set-point's jerk, s."""

@@ -26,7 +26,8 @@ class Draft(NamedTuple):
 
 _TABLE_NAMES = {("sensor", "of"): "{}_sensor.", ("case", "kind"): "{}."}
 """What a table of a list is called in :attr:`Draft.guesses`, by a key that tells it apart."""
-_COMMENT_MARK, _GUESS_MARK = "  # ", "; guess: "
+_COMMENT_MARK = "  # "
+_GUESS_MARK = "; guess: "
 
 
 def render_draft(template: str, **values: Any) -> Draft:

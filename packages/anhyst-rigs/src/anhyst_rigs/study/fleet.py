@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 
 MIN_MAGNETS_FOR_SPREAD = 3
 """Magnets of which a scatter can be stated."""
-TABLE_FILE, FIGURES_FILE = "fleet.csv", "fleet.json"
+TABLE_FILE = "fleet.csv"
+FIGURES_FILE = "fleet.json"
 
 
 @dataclass(frozen=True, repr=False)

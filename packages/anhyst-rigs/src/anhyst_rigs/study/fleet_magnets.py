@@ -82,7 +82,9 @@ def _holds_loops(path: Path) -> bool:
     return path.is_dir() and any(file.suffix.lower() in FORMATS for file in path.iterdir())
 
 
-RESULT_FILE, MODEL_FILE, CONTROLLER_FOLDER = "result.json", "model.toml", "controller"
+RESULT_FILE = "result.json"
+MODEL_FILE = "model.toml"
+CONTROLLER_FOLDER = "controller"
 _VERIFICATION_STEPS = 20_000
 
 

@@ -34,7 +34,8 @@ OUTLIER_PROBABILITY = 0.01
 """Chance that a fleet without outliers has a magnet that is called one."""
 MIN_SCATTER = 1e-4
 """Scatter below this part of the mean is not told from none."""
-MIN_STD, MAX_STD = 1e-9, 1e3
+MIN_STD = 1e-9
+MAX_STD = 1e3
 """Standard deviations that loops may leave, in parts of the mean: what is beyond counts as these."""
 
 

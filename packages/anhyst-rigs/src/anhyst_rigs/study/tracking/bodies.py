@@ -354,10 +354,12 @@ class StageLaw(MotionLaw):
         return np.asarray((flux / np.interp(gap, gaps, flux_per_root_force)) ** 2)
 
 
-REFERENCE_WINDOW_S, MIN_REFERENCE_CHANGE_RATIO = 0.06, 0.02
+REFERENCE_WINDOW_S = 0.06
+MIN_REFERENCE_CHANGE_RATIO = 0.02
 """What is compared lies so soon after the reference moved by that part of the travel: where nothing
 was asked for, any load would be taken for a number of the magnet."""
-RECORDED_LOAD_SIGMA_RATIO, ASSUMED_LOAD_SIGMA_RATIO = 0.002, 0.1
+RECORDED_LOAD_SIGMA_RATIO = 0.002
+ASSUMED_LOAD_SIGMA_RATIO = 0.1
 """Standard deviation of a load that was recorded, in parts of the largest force, and of one that was
 not, in parts of what the rig file says."""
 

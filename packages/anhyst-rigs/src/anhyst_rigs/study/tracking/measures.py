@@ -187,7 +187,8 @@ HOLD_TIME_S = 0.1
 """For which a body that braked is still watched."""
 FINAL_WINDOW_S = 0.02
 """Of it, or of the whole set-point, the end that is judged."""
-LIFT_COMMAND_S, LAND_COMMAND_S = 0.2, 0.45
+LIFT_COMMAND_S = 0.2
+LAND_COMMAND_S = 0.45
 """When a body that was let go first is lifted, and when it is told to land."""
 SLIDE_LIMIT_S = 0.02
 """After it came down, a body lies: what slides later, it does without friction here."""

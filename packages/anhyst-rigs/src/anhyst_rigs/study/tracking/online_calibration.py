@@ -45,7 +45,8 @@ _BEARING_COLUMNS = (
     "state",
     "phase",
 )
-MIN_COMPARISONS, MIN_SWAP_CHANGE = 50, 0.1
+MIN_COMPARISONS = 50
+MIN_SWAP_CHANGE = 0.1
 """Comparisons of a second that teaches; part of a stated deviation below which nothing is swapped."""
 
 
@@ -386,9 +387,11 @@ class StageCalibrator(BenchCalibrator):
         )
 
 
-WINDOW_S, TAIL_S = 1.0, 0.1
+WINDOW_S = 1.0
+TAIL_S = 0.1
 """Rows of a bearing that are looked at together, and those before of which every one is kept."""
-THINNING_BLOCK_ROWS, MAX_HISTORY_ROWS = 20, 100_000
+THINNING_BLOCK_ROWS = 20
+MAX_HISTORY_ROWS = 100_000
 """Of older rows so many become the two that the iron remembers best; beyond so many once more."""
 
 
