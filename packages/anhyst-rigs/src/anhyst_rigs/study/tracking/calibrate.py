@@ -1,4 +1,8 @@
-"""Calibration from recorded motion: what a recording must hold, and what was found."""
+"""Calibrate the magnets of a rig from recorded motion, and write the calibration file.
+
+The module checks each recording, computes its motion, and estimates the parameters of each method.
+The result lists the values with their uncertainty, and is written only if a method was accepted.
+"""
 
 from __future__ import annotations
 
@@ -37,16 +41,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MIN_ROWS = 100
-"""Rows of a recording."""
+"""Smallest number of rows of a recording."""
 MAX_READING = 1e30
-"""What is larger, in SI units, is no reading."""
+"""Largest absolute value of a reading, SI units; larger values are invalid."""
 FILE_HEADER = """\
 # What motion taught of the magnets of a rig. Written by anhyst calibrate; a rig file names it as
 # control.calibration. Values are parts, or carry their unit; the scale of force is the mass."""
 
 
 def _read_columns(law: MotionLaw, path: PathLike) -> dict[str, FloatArray]:
-    """Read the columns that are needed of a file, SI."""
+    """Read the required and optional columns of a file, SI units."""
     table = read_columns(path, has_own_names=True)
     columns = {}
     for name in (*law.required_columns, *law.optional_columns):
@@ -68,7 +72,7 @@ def _read_columns(law: MotionLaw, path: PathLike) -> dict[str, FloatArray]:
 
 
 def _make_motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
-    """Take what is needed of a recording: every tick of the rig, from rest on."""
+    """Check a recording and make its motion; it must hold every tick, from rest on."""
     if isinstance(recording, Recording):
         source, columns = "recording", recording.columns
     else:
@@ -92,7 +96,7 @@ def _make_motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
 
 
 def _check_ticks(rig: BodyRig, source: str, time: FloatArray) -> None:
-    """Refuse a recording that is too short, of another rate, or not of every tick."""
+    """Reject a recording that is too short, has another rate, or lacks ticks."""
     if time.size < MIN_ROWS:
         text = (
             f"{source}: has {time.size} rows, and {MIN_ROWS} are the least; record a whole motion"
@@ -111,28 +115,28 @@ def _check_ticks(rig: BodyRig, source: str, time: FloatArray) -> None:
 
 @dataclass(frozen=True, repr=False)
 class Calibration(Result):
-    """What motion taught of the magnets of a stage or a bearing.
+    """Calibration of the magnets of a stage or a bearing from motion.
 
     Parameters
     ----------
     file : CalibrationFile
-        Every method with what it is corrected by.
+        Every method with its corrections.
     """
 
     file: CalibrationFile
 
     @property
     def has_estimates(self) -> bool:
-        """Whether anything was learnt of any method."""
+        """Whether any method was accepted."""
         return any(one.is_applied for one in self.file.method)
 
     def facts(self) -> dict[str, str]:
-        """Return what every method is corrected by and what is left, and the number trusted."""
+        """Return the corrections and the residual of every method, and the trusted mass."""
         facts = {"rig": self.file.rig, "trusted": f"mass of {self.file.mass_kg:g} kg"}
         return facts | {one.name: one.summary for one in self.file.method}
 
     def to_columns(self) -> dict[str, Any]:
-        """Return every number of every method with what is left of its uncertainty."""
+        """Return every parameter of every method with its remaining uncertainty."""
         return rows_to_columns(
             [
                 {"method": one.name, **number.model_dump()}
@@ -142,7 +146,7 @@ class Calibration(Result):
         )
 
     def draw(self, ax: Axes) -> None:
-        """Draw the numbers of every method in parts of their standard deviation before."""
+        """Draw the parameters of every method, relative to their prior standard deviations."""
         for one in self.file.method:
             learnt = [number for number in one.parameter if not number.frozen]
             ax.errorbar(
@@ -160,7 +164,7 @@ class Calibration(Result):
         Raises
         ------
         InputError
-            The place cannot be written.
+            The file cannot be written.
         """
         content = self.file.model_dump()
         lines = [FILE_HEADER]
@@ -178,11 +182,11 @@ class Calibration(Result):
 
 
 LawFactory = Callable[..., MotionLaw]
-"""What makes the law of a method, and of a bearing may take ``load_known``."""
+"""Makes the :class:`MotionLaw` of a method; that of a bearing accepts ``is_load_recorded`` too."""
 
 
 class HasCalibration(Protocol):
-    """A kind of rig whose motion teaches what its magnets are off by."""
+    """A kind of rig whose magnets can be calibrated from motion."""
 
     def read(self, rig: PathLike) -> BodyRig:
         """Read a rig file."""
@@ -193,7 +197,7 @@ class HasCalibration(Protocol):
         controller: ControllerFile | PathLike | None,
         magnet: IdentifiedMagnet | None,
     ) -> tuple[LawFactory, IdentifiedMagnet]:
-        """Return what makes the law of a method, and what is known of the magnets."""
+        """Return the factory of motion laws, and the identified magnet."""
 
 
 def stage_laws(
@@ -201,7 +205,7 @@ def stage_laws(
     controller: ControllerFile | PathLike | None,
     magnet: IdentifiedMagnet | None,
 ) -> tuple[LawFactory, IdentifiedMagnet]:
-    """Return what makes the law of a method of a stage, and what is known of its magnets."""
+    """Return the factory of motion laws of a stage, and its identified magnet."""
     assert controller is None
     refuse_slow_amplifier(rig)
     identified_magnet = magnet or identify_stage_magnet(rig)
@@ -213,7 +217,7 @@ def bearing_laws(
     controller: ControllerFile | PathLike | None,
     magnet: IdentifiedMagnet | None,
 ) -> tuple[LawFactory, IdentifiedMagnet]:
-    """Return the same of a bearing."""
+    """Return the factory of motion laws of a bearing, and its identified magnet."""
     if not isinstance(controller, ControllerFile):
         controller = read_bearing_controller(rig, controller)
     ready = check_inputs(remove_calibration(rig), controller)
@@ -230,10 +234,10 @@ def calibrate(
     methods: Sequence[MethodName] = (),
     controller: ControllerFile | PathLike | None = None,
 ) -> Calibration:
-    """Learn from recorded motions what magnets are off by: `anhyst.calibrate`.
+    """Estimate the calibration errors of magnets from recorded motions: `anhyst.calibrate`.
 
-    The recordings are runs from the demagnetised iron, as ``anhyst simulate`` writes them. The file
-    is not written if nothing was learnt.
+    The recordings begin with demagnetised iron, as ``anhyst simulate`` writes them. The file is not
+    written if no method was accepted.
     """
     if not isinstance(rig, BodyRig):
         check_path(rig, "calibrate: rig", "the path of a rig file")

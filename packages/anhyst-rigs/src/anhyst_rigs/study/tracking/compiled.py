@@ -1,4 +1,8 @@
-"""The controller of a stage compiled: a rig file to a folder of C, with a flight as golden vectors."""
+"""Compile the controller of a stage to a folder of C, with a simulated flight as golden vectors.
+
+Golden vectors are inputs and expected outputs of each tick. They come from a flight over the test
+set-point, followed by commands to land, to lift and to switch off.
+"""
 
 from __future__ import annotations
 
@@ -53,15 +57,15 @@ from anhyst_rigs.rig.stage.recording import find_stage_loss
 from anhyst_rigs.rig.stage.setpoint import frame_stray, motion_ticks, scan_motion, tick_times
 
 ROWS_PER_COMMAND = 20
-"""In the end of the golden vectors, after each command."""
+"""Rows after each command at the end of the golden vectors."""
 MAX_FLIGHT_ROWS = 2000
-"""Ticks of the flight that become golden vectors, if it takes as many: at rest, acceleration, after it."""
+"""Largest number of ticks of the flight in the golden vectors: rest, acceleration and cruise."""
 
 
 def compile_stage(
     rig_path: PathLike, out: PathLike, request: StageRequest, progress: Progress | None
 ) -> CompiledStage:
-    """Compile the controller of a stage, and fly its test set-point for the golden vectors."""
+    """Compile the controller of a stage, and simulate its test set-point for the golden vectors."""
     if request.name is not None:
         check_c_name(request.name)
     check_folder(out)
@@ -80,14 +84,14 @@ def compile_stage(
 
 
 def compiled_rig(rig: BodyRig) -> BodyRig:
-    """Return a stage whose magnets reckon as they are compiled: in fixed or in single precision."""
+    """Return a stage whose magnet compensators run in fixed point or in single precision."""
     if rig.settings.tracking.format == "fixed":
         return rig
     return replace(rig, settings=rig.settings.with_changes({"control.format": "f32"}))
 
 
 def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
-    """Write the folder of a controller in the format of its axes, with its flight."""
+    """Write the folder of a controller in the number format of its axes, with golden vectors."""
     stage, vectors, version = (
         _describe_controller(setup, kind, name),
         golden_vectors(setup),
@@ -102,7 +106,7 @@ def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> Compi
 
 
 def _refuse_uncompilable(rig: BodyRig, io: Io, rate: float | None) -> None:
-    """Refuse what cannot be compiled, or is not what the rig file says."""
+    """Reject options and settings that cannot be compiled or contradict the rig file."""
     if io == "q15" or (io == "q31" and rig.settings.tracking.format != "fixed"):
         raise InputError(
             f"--io: {io} is not for this stage; give f32, or q31 where control.format of the rig "
@@ -127,7 +131,7 @@ def _refuse_uncompilable(rig: BodyRig, io: Io, rate: float | None) -> None:
 
 
 def _describe_controller(setup: StageSetup, kind: str, name: str) -> StageController:
-    """Return every number of a controller."""
+    """Collect all parameters of a controller."""
     rig, file, timing = setup.rig, setup.rig.settings, setup.rig.settings.timing
     settings = controller_settings(setup) | monitoring_settings(rig)
     body = setup.assumed_rig.settings
@@ -159,10 +163,11 @@ def _describe_controller(setup: StageSetup, kind: str, name: str) -> StageContro
 
 
 def golden_vectors(setup: StageSetup) -> dict[str, FloatArray]:
-    """Fly the test set-point and return what the controller was given and answered, by column.
+    """Simulate the test set-point and return inputs and outputs of the controller, by column.
 
-    The answers are those of a fresh controller to inputs in its own format. Where it looks at
-    currents, none is read of the first magnet in the end; then it is let go, lifted and set down.
+    A new controller computes the outputs from inputs in its own number format. If it monitors
+    currents, the current of the first magnet is 0 in the last rows of the flight. Commands to land,
+    lift and switch off follow.
     """
     file = setup.rig.settings
     magnets, heads = len(file.body_magnets), len(file.position_sensors)
@@ -189,9 +194,9 @@ def golden_vectors(setup: StageSetup) -> dict[str, FloatArray]:
 def _encode_inputs(
     setup: StageSetup, inputs: FloatArray, wrench_row: int, gap_row: int
 ) -> NDArray[Any]:
-    """Return what a controller is given in its own format.
+    """Return the inputs of a controller in its own number format.
 
-    From `begin` on stands the wrench, from `end` on gaps and currents.
+    Rows from ``wrench_row`` on are the wrench; rows from ``gap_row`` on are gaps and currents.
     """
     if setup.number_format != "fixed":
         return inputs.astype(np.float32)
@@ -206,7 +211,7 @@ def _encode_inputs(
 
 
 def _simulate_inputs(setup: StageSetup) -> FloatArray:
-    """Return what the controller is given: heads off their target, wrench, gaps and currents."""
+    """Return the simulated inputs: head errors from their targets, wrench, gaps and currents."""
     rig, file = setup.rig, setup.rig.settings
     motion = scan_motion(file.scan, file.scan.test_m_per_s2)
     rows = min(MAX_FLIGHT_ROWS, motion_ticks(rig, motion))

@@ -35,8 +35,8 @@ MAX_SIGMA = 4.0
 GAUSS_NEWTON_STEPS = 3
 """Number of Gauss-Newton steps for each motion."""
 FORGETTING_TIME_S = 20.0
-"""Time constant of forgetting in a running stage. Only time with a demand above 6 % of
-the largest force counts."""
+"""Time constant of forgetting in a running stage, s. Only time with a demand above 6 % of the
+largest force counts."""
 MAX_UPDATE_RATE_SIGMA_PER_S = 2.0
 """Maximum rate of the applied corrections, in prior standard deviations per second."""
 DERIVATIVE_STEPS: Mapping[str, float] = {
@@ -47,36 +47,37 @@ DERIVATIVE_STEPS: Mapping[str, float] = {
 }
 """Step of each kind of parameter for finite-difference derivatives of the predicted force."""
 MAX_RESIDUAL_RATIO = 0.01
-"""Largest residual after the fit for which a motion is accepted, as a fraction of
-the inertial force (mass times acceleration, rms). The noise is added in quadrature."""
+"""Largest rms residual after the fit for which a motion is accepted, as a fraction of the rms
+inertial force (mass times acceleration). The noise is added in quadrature."""
 GATE_RATIO = 2.5
-"""Largest residual before the fit, relative to that of earlier motions. A larger residual that the
-uncertainty of the parameters cannot explain means that the plant or a sensor has changed."""
+"""Largest rms residual before the fit, relative to that of earlier motions. A larger residual that
+the uncertainty of the parameters cannot explain means that the plant or a sensor has changed."""
 MIN_GATE_RATIO = 0.001
-"""Smallest residual that the gate compares with, as a fraction of the inertial force: any law has
-errors of this size."""
+"""Smallest residual that the gate compares with, as a fraction of the inertial force. Every
+hysteresis model has errors of this size."""
 SCALE_SUM_WEIGHT = 20.0
-"""Weight of the prior "the scales add up to 0", relative to the prior of one scale. It is used where
-the payload is estimated too: motion alone cannot separate a payload from the sum of the scales.
-The scale of force then relies on the measurement of the currents."""
+"""Weight of the prior "the scales add up to 0", relative to the prior of one scale. It applies if
+the payload is estimated too, because motion cannot separate a payload from the sum of the scales.
+"""
 MASS_PRIOR_SIGMA = 0.3
 """Prior standard deviation of the relative change of mass that may explain a rejected motion."""
 MIN_MASS_CHANGE = 0.01
-"""Smallest relative change of mass that is reported. Scale errors can explain a smaller one."""
+"""Smallest relative change of mass that is reported. Errors of the scales can explain a smaller
+one."""
 TRAINING_SCANS = 4
-"""Number of training scans from which a running stage learns before it is assessed."""
+"""Number of training scans with which a running stage calibrates itself before it is evaluated."""
 
 
 @dataclass(frozen=True)
 class _SquareSums:
-    """Sums over all comparisons of predicted and measured force."""
+    """Sums of squares over all comparisons of predicted and measured force."""
 
     count: float = 0.0
     force: float = 0.0  # sum of squared inertial force, N^2
     residual: float = 0.0  # sum of squared residual, N^2
 
     def plus_decayed(self, earlier: _SquareSums, retention: float) -> _SquareSums:
-        """Add earlier sums, of which only a fraction is retained."""
+        """Return these sums plus a fraction `retention` of earlier ones."""
         return _SquareSums(
             self.count + retention * earlier.count,
             self.force + retention * earlier.force,
@@ -106,13 +107,12 @@ class _Fit:
 
 
 class ParameterEstimator:
-    """Square-root information filter for the parameters of one method.
+    """Square-root information filter for the calibration parameters of one method.
 
-    The rows of ``_information`` hold an augmented triangular system ``[R | z]`` with ``R*p = z``,
-    in units of the standard deviation of one comparison. The prior is not part of these rows. It is
-    added for each solution, so that a parameter that is no longer excited returns to its prior, and
-    its uncertainty never exceeds the prior. Information decays only while force is demanded, never
-    at rest.
+    The rows of ``_information`` are an augmented triangular system ``[R | z]`` with ``R*p = z`` for
+    the parameters p, in units of the standard deviation of one comparison. The prior is not part of
+    these rows but is added for each solution. Therefore, a parameter that motions no longer excite
+    returns to its prior. Information decays only while force is demanded, never at rest.
     """
 
     def __init__(self, law: MotionLaw, forgetting_time_s: float = math.inf) -> None:
@@ -120,7 +120,7 @@ class ParameterEstimator:
         self.prior_sigma = {name: law.prior_sigma(name) for name in law.names}
         self.estimate = dict.fromkeys(law.names, 0.0)
         self.applied_values = dict(self.estimate)  # values in use, which follow at a limited rate
-        self.noise_N = 0.0  # force noise of the last motion, from the noise of the position sensor
+        self.noise_N = 0.0  # force noise of the last motion, from the position sensor
         self.mass_kg: float | None = None  # mass that explains the last rejected motion
         self.rejected_count = 0
         self.identified: list[ParameterName] = []  # parameters that the motions determine
@@ -135,10 +135,10 @@ class ParameterEstimator:
         return other
 
     def update(self, motion: Motion) -> bool:
-        """Update the estimate from a motion; return whether it was accepted and identified
-        any parameter.
+        """Update the estimate from a motion; return whether it identified any parameter.
 
-        A motion whose demand stays below 6 % of the largest force is skipped. A motion that the law cannot explain is rejected.
+        A motion whose demand stays below 6 % of the largest force is skipped. A motion that the
+        hysteresis model cannot explain is rejected.
         """
         if not motion.compared_indices.size:
             return False
@@ -175,7 +175,7 @@ class ParameterEstimator:
         if residual_N <= limit_N:
             return None
         rows = self._linearise(motion, self.estimate, exact=True)
-        # With one coordinate, all motions excite the same combination of parameters, so
+        # With one coordinate, all motions excite the same combination of parameters. Therefore,
         # parameter uncertainty cannot explain a larger residual.
         sigma_N = self._prediction_sigma(history, rows) if motion.comparisons_per_tick > 1 else 0.0
         return rows if residual_N > math.hypot(limit_N, GATE_RATIO * sigma_N) else None
@@ -201,6 +201,7 @@ class ParameterEstimator:
         return _Fit(motion_rows, information, identified, values, residual_N)
 
     def _has_scale_at_bound(self, values: Mapping[ParameterName, float]) -> bool:
+        """Whether the scale of a current is at its bound, as with a plant or sensor fault."""
         scales = [name for name in self._names if parameter_kind(name) == "scale"]
         return any(
             abs(values[name]) > 0.999 * MAX_SIGMA * self.prior_sigma[name] > 0.0 for name in scales
@@ -265,7 +266,8 @@ class ParameterEstimator:
             name for name, value in relative_sigma.items() if value <= self.law.max_sigma_ratio
         ]
         prior_sigma = np.array([self.prior_sigma[name] for name in names])
-        # Of the prior, only the row for the sum of all scales: no motion separates it from a payload.
+        # Only the prior row of the sum of all scales is added: motion cannot separate it from a
+        # payload.
         scale_sum_row = self._prior_rows(names)[len(names) :]
         root = prior_sigma * np.vstack([self._information, *rows])[:, self._column_indices(names)]
         return float(np.linalg.cond(np.vstack([root, scale_sum_row]))) ** 2 if names else math.inf
@@ -302,17 +304,19 @@ class ParameterEstimator:
         return self._calibrated_method(self.estimate, self._law_fits)
 
     def _is_explained(self, residual_N: float, force_N: float) -> bool:
-        """Whether a residual is as small as that of a suitable law."""
+        """Whether a residual is within the limit of a suitable hysteresis model."""
         return residual_N <= math.hypot(self.law.max_residual_ratio * force_N, self.noise_N)
 
     @property
     def _law_fits(self) -> bool:
+        """Whether the hysteresis model explains the accepted motions."""
         force_N, residual_N = self._sums.force_rms, self._sums.residual_rms
         return force_N > 0.0 and self._is_explained(residual_N, force_N)
 
     def _calibrated_method(
         self, values: Mapping[ParameterName, float], fits: bool
     ) -> CalibratedMethod:
+        """Return values, uncertainty and residual in the form of the calibration file."""
         residual_N = self._sums.residual_rms
         sigma = self._posterior_sigma(self._information, self.identified, residual_N)
         if "payload" in sigma:
@@ -338,11 +342,11 @@ class ParameterEstimator:
         )
 
     def _add_scale_sum_sigma(self, sigma: dict[ParameterName, float]) -> None:
-        """Add the uncertainty of the mean scale, which the prior fixes and no motion shows."""
+        """Add the uncertainty of the mean scale, which no motion shows, to the standard deviations."""
         scale_count = sum(parameter_kind(name) == "scale" for name in self._names)
         mean_scale_sigma = self.prior_sigma["scale_1"] / math.sqrt(scale_count)
-        # A force is proportional to the square of the current, so an error of the mean scale counts twice in
-        # the payload.
+        # The force is proportional to the square of the current, so an error of the mean scale
+        # counts twice in the payload.
         sensitivity = {"payload": 2.0, "scale": 1.0}
         for name, own_sigma in sigma.items():
             factor = sensitivity.get(parameter_kind(name), 0.0)
@@ -364,13 +368,14 @@ class ParameterEstimator:
     def _excited_names(self, rows: FloatArray) -> list[ParameterName]:
         """Return the parameters on which the force depends.
 
-        The others must be left out of a solution: the prior on the sum of all scales would
-        otherwise determine them.
+        A solution must omit the others, because the prior on the sum of all scales would determine
+        them.
         """
         is_excited = np.any(rows[:, :-1], axis=0).tolist()
         return [name for name, excited in zip(self._names, is_excited, strict=True) if excited]
 
     def _column_indices(self, names: Sequence[ParameterName]) -> list[int]:
+        """Return the columns of some parameters in the information rows."""
         return [self._names.index(name) for name in names]
 
     def _solve(
@@ -394,10 +399,7 @@ class ParameterEstimator:
     def _posterior_sigma(
         self, rows: FloatArray, names: Sequence[ParameterName], residual_N: float
     ) -> dict[ParameterName, float]:
-        """Return posterior standard deviations.
-
-        A residual above the assumed standard deviation of a comparison increases them.
-        """
+        """Return posterior standard deviations; a residual above the assumed one increases them."""
         prior_sigma = np.array([self.prior_sigma[name] for name in names])
         root = prior_sigma * rows[:, self._column_indices(names)]
         weight = self._comparison_sigma / max(residual_N, self._comparison_sigma)
@@ -419,9 +421,9 @@ class ParameterEstimator:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the Jacobian of the force along a path, and the predicted force.
 
-        A change of loop width needs a new fit of the law. To save time, derivatives use two fits
-        that are cached: the original loop and a wider one. The predicted force is extrapolated
-        from them as well, unless ``exact`` is set.
+        A change of the loop width needs a new fit of the hysteresis model. To save time,
+        derivatives use two cached fits: the identified loop and a wider one. The predicted force is
+        extrapolated from them unless ``exact`` is set.
         """
 
         def predict(changed: Mapping[ParameterName, float]) -> FloatArray:
@@ -461,7 +463,7 @@ def calibrate_running_stage(
 
 
 def calibrate_from_motions(law: MotionLaw, motions: Sequence[Motion]) -> CalibratedMethod:
-    """Estimate the parameters of a law from motions; a parameter that they do not show stays 0."""
+    """Estimate the parameters of a method from motions; a parameter without excitation stays 0."""
     estimator = ParameterEstimator(law)
     for motion in motions:
         estimator.update(motion)

@@ -1,9 +1,9 @@
-"""The shortest move that shows what the magnets of a stage are off by, and how much it shows.
+"""Design the shortest move that makes the calibration errors of a stage's magnets identifiable.
 
-A law that is slightly wrong is learnt right where the body worked. So the move has the turnarounds
-of the rig file's own set-point, slower and without a cruise, along every coordinate in which the
-long stroke goes along. What that shows, the estimator itself says of a flight of the stage as it
-should be.
+The move has the turnarounds of the rig file's set-point, along each coordinate that the long stroke
+follows, without a cruise. It must resemble the set-point, because the calibration also absorbs
+errors of the hysteresis model. The parameter estimator computes what a simulated flight of the
+nominal stage shows.
 """
 
 from __future__ import annotations
@@ -46,15 +46,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ACCELERATION_RATIOS = np.arange(1.0, 0.0, -0.05)
-"""Of the accelerations of the set-point: the largest is taken that the magnets can make."""
+"""Fractions of the set-point's accelerations that are tried; the largest feasible one is used."""
 MAX_FORCE_RATIO = 0.95
-"""Of the largest force of a magnet: what a leg may ask for."""
+"""Largest force that a leg may demand, as a fraction of a magnet's largest force."""
 Legs = Mapping[str, SetPoint]
-"""By coordinate what it follows, from rest to rest, one after another."""
+"""The leg of each coordinate. A leg is a motion from rest to rest; legs follow one after another.
+"""
 
 
 def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
-    """Return what each coordinate may follow: within the set-point's snap, jerk, speed and way."""
+    """Return candidates for each coordinate, within the set-point's snap, jerk, speed and travel."""
     file, legs = rig.settings, dict[str, list[SetPoint]]()
     scan, layout = file.scan, wrench_layout(file, usual_allocation(file), rig.idle_force)
     axis_rows = zip(file.body.free, scan_direction(file), mass_matrix(file), strict=True)
@@ -70,7 +71,7 @@ def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
             continue
         ratio = float(ACCELERATION_RATIOS[is_feasible][0])
         accelerations = [ratio * one for one in scan.train_m_per_s2]
-        # an odd number, so that they come a second time the other way round
+        # an odd number, so that the second repetition is reversed
         accelerations += accelerations[: 1 - len(accelerations) % 2]
         phases, rest = (scan.jerk_phase_s, scan.snap_phase_s), accelerations[0]
         speeds = np.geomspace(
@@ -86,9 +87,9 @@ def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
 
 
 def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
-    """Let a stage follow legs from rest, the iron demagnetised, the mass alone fed forward."""
+    """Simulate a stage that follows legs from rest with demagnetised iron and mass feedforward."""
     rig, file = setup.rig, setup.rig.settings
-    start_s = COMPARISON_START_S  # the weight is taken up before
+    start_s = COMPARISON_START_S  # the weight is taken up before this time
     n = round((start_s + sum(leg.duration for leg in legs.values())) / rig.dt)
     time = tick_times(rig, n + 1)
     position, frame, acceleration = np.zeros((3, n + 1, len(file.body.free)))
@@ -108,7 +109,7 @@ def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
 
 
 def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
-    """Return the legs that show as many numbers as any do, and of these the shortest."""
+    """Return the legs that identify the most parameters, and of these the shortest."""
     candidates = list[list[tuple[str, SetPoint, FloatArray] | None]]()
     for axis, motions in candidate_legs(setup.rig).items():
         rows = [estimator.information_rows(fly_legs(setup, {axis: leg})) for leg in motions]
@@ -128,26 +129,26 @@ def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
 
 @dataclass(frozen=True)
 class Information:
-    """What a flight of the stage as it should be shows of its numbers."""
+    """Information about the parameters that a flight of the nominal stage gives."""
 
     duration_s: float
-    condition: float  # number of the information on what it shows, scaled by the priors
-    left: Mapping[ParameterName, float]  # of each number, in parts of its standard deviation
+    condition: float  # condition number of the information, scaled by the priors
+    left: Mapping[ParameterName, float]  # posterior over prior standard deviation
     hidden: Sequence[ParameterName]
 
 
 @dataclass(frozen=True)
 class CalibratingMove:
-    """A move that shows what a stage is off by, flown.
+    """A calibration move and its simulated flight.
 
     Parameters
     ----------
     legs : mapping of str to SetPoint
-        What each coordinate follows, one after another.
+        The motion of each coordinate, one after another.
     run : Recording
-        Of the virtual stage, as ``anhyst calibrate`` takes it.
+        Recording of the virtual stage, an input of ``anhyst calibrate``.
     move, work : Information
-        What is left of each number after it and after the rig file's own training set-point.
+        Information of the move, and of the rig file's training set-point.
     """
 
     legs: Legs
@@ -156,7 +157,7 @@ class CalibratingMove:
     work: Information
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as what is printed as JSON."""
+        """Return the content of the JSON output."""
         legs = {axis: asdict(leg) for axis, leg in self.legs.items()}
         return {"legs": legs, "move": asdict(self.move), "work": asdict(self.work)}
 
@@ -176,7 +177,7 @@ class CalibratingMove:
 
 
 def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> CalibratingMove:
-    """Design the move of a stage, fly it, and say what is left of each number after it."""
+    """Design the move of a stage, simulate it, and compute what it shows about each parameter."""
     refuse_slow_amplifier(rig)
     identified_magnet, scan = magnet or identify_stage_magnet(rig), rig.settings.scan
     setup, estimator = (
@@ -208,12 +209,12 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
 def excite_to_calibrate(
     rig: PathLike, out: PathLike, *, plot: PathLike | None = None
 ) -> CalibratingMove:
-    """Fly the shortest move that shows what the magnets of a stage are off by, and record it.
+    """Simulate and record the shortest move that identifies the calibration errors of a stage.
 
     Parameters
     ----------
     rig, out : path-like
-        Rig file of a stage, and recording to write, which ``anhyst calibrate`` takes.
+        Rig file of a stage, and recording to write, the input of ``anhyst calibrate``.
     plot : path-like, optional
         Picture of the move to write, ``.png``, ``.svg`` or ``.pdf``.
 

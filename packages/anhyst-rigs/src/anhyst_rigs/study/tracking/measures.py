@@ -1,8 +1,8 @@
-"""What a run of a stage is judged by: servo error, moving average, settling, force error; what is lost in flight.
+"""Measure the errors of a stage run, and simulate the loss of magnets and heads in flight.
 
-Each amplifier or head fails in a run of its own. Long stroke and set-point brake to rest from the tick
-on at which the controller finds the loss, but where the magnets that are left make all that the rest of
-the set-point asks for.
+The measures are servo error, moving average over a slit, settling time and force error. In the loss
+study, each amplifier or head fails in a separate run. Set-point and long stroke brake to rest when
+the controller detects the loss, unless the remaining magnets can make the rest of the set-point.
 """
 
 # ruff: noqa: N815 - names carry units
@@ -62,9 +62,9 @@ from anhyst_rigs.rig.stage.setpoint import (
 from anhyst_rigs.study.engine.table import Metric
 
 SETTLING_BANDS_M = (50e-9, 10e-9)
-"""Into which the settling is measured."""
+"""Error bands for which the settling time is measured, m."""
 EXPOSURE_DELAY_S = 5e-3
-"""After the end of the acceleration, from where on the moving average is judged."""
+"""Time from the end of the acceleration to the first window of the moving average, s."""
 
 
 PEAK_ERROR = Metric("peak_m", "peak", "nm", 1e9)
@@ -79,24 +79,24 @@ METRICS = (
     Metric("force_peak_N", "force error, largest", "N"),
     Metric("force_rms_N", "force error, rms", "N"),
 )
-"""By which a motion is judged, in the order of every table."""
+"""Measures of a run, in the order of every table."""
 
 
 @dataclass(frozen=True)
 class Measures:
-    """Figures of one run; the first scan, into which the iron comes demagnetised, is left out."""
+    """Measures of one run from the second scan on, because the first begins demagnetised."""
 
     peak_m: float  # largest error
-    rms_m: float  # of the error
-    # largest moving average and standard deviation over the slit, in windows that begin 5 ms or
-    # more after the acceleration and end with the cruise
+    rms_m: float  # rms error
+    # largest moving average and standard deviation over the slit, in windows that begin at least 5
+    # ms after the acceleration and end with the cruise
     average_m: float
     deviation_m: float
-    # from the end of the acceleration until the error stays within 50 and 10 nm, mean of the scans;
-    # a scan that never does counts with the whole cruise
+    # time from the end of the acceleration until the error stays within 50 and 10 nm, mean of the
+    # scans; a scan that never does counts with its whole cruise
     settling_50_s: float
     settling_10_s: float
-    force_peak_N: float  # force less what was demanded a delay earlier
+    force_peak_N: float  # largest error of the force against the delayed demand
     force_rms_N: float
 
     @property
@@ -106,11 +106,11 @@ class Measures:
 
 
 LOST_MEASURES = Measures(*[float("inf")] * 8)
-"""Of a run in which the loop was lost."""
+"""Measures of a run in which the loop was lost."""
 
 
 def cross_talk_metrics(file: RigFile) -> list[Metric]:
-    """Return the figures of :func:`cross_talk`."""
+    """Return the metrics of :func:`cross_talk`."""
     units = {axis: axis_unit(axis) for axis in stationary_axes(file)}
     return [Metric(f"{axis}_{u}", f"{axis}, largest", f"n{u}", 1e9) for axis, u in units.items()]
 
@@ -122,9 +122,9 @@ def stationary_axes(file: RigFile) -> list[str]:
 
 
 def cross_talk(run: Recording, motion: SetPoint, stationary: Sequence[str]) -> dict[str, float]:
-    """Return the largest error of each coordinate that stands still, by axis and unit, m or rad.
+    """Return the largest error of each coordinate that the set-point does not move, m or rad.
 
-    The first scan is left out.
+    Keys contain axis and unit. The first scan is skipped.
     """
     names = [f"{axis}_{axis_unit(axis)}" for axis in stationary]
     if run.loss is not None:
@@ -135,7 +135,7 @@ def cross_talk(run: Recording, motion: SetPoint, stationary: Sequence[str]) -> d
 
 
 def cruise_slices(motion: SetPoint, dt: float) -> list[slice]:
-    """Return the ticks of each cruise, that after the first acceleration left out."""
+    """Return the ticks of each cruise except the one after the first acceleration."""
     pulses = motion.pulses
     ends = [begin for begin, _, _ in pulses[1:]] + [motion.duration]
     slices = [
@@ -146,7 +146,7 @@ def cruise_slices(motion: SetPoint, dt: float) -> list[slice]:
 
 
 def settling_times(run: Recording, motion: SetPoint, band: float) -> list[float]:
-    """Return for each scan how long it takes until the error stays within a band, s."""
+    """Return for each scan the time until the error stays within a band, s."""
     error, dt = run["error_m"], run.dt
     return [dt * settling_tick(error[cruise], band) for cruise in cruise_slices(motion, dt)]
 
@@ -154,7 +154,7 @@ def settling_times(run: Recording, motion: SetPoint, band: float) -> list[float]
 def slit_statistics(
     error: FloatArray, motion: SetPoint, slit: float, dt: float
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Return the moving average and deviation of an error over a slit, s, in each cruise."""
+    """Return moving average and standard deviation of an error over a slit, s, for each cruise."""
     delay_ticks, slit_ticks = round(EXPOSURE_DELAY_S / dt), round(slit / dt)
     return [
         moving_statistics(error[cruise.start + delay_ticks : cruise.stop], slit_ticks)
@@ -163,7 +163,7 @@ def slit_statistics(
 
 
 def measure(run: Recording, motion: SetPoint, slit: float) -> Measures:
-    """Judge a run with a slit of so many seconds."""
+    """Compute the measures of a run, with a slit in s."""
     if run.loss is not None:
         return LOST_MEASURES
     windows = slit_statistics(run["error_m"], motion, slit, run.dt)
@@ -182,20 +182,21 @@ def measure(run: Recording, motion: SetPoint, slit: float) -> Measures:
 
 
 EARLIEST_LOSS_S = 0.01
-"""From when on a magnet is lost: the weight is taken up in one step before."""
+"""Earliest time at which a magnet is lost, s. Before it the weight is taken up in one step."""
 HOLD_TIME_S = 0.1
-"""For which a body that braked is still watched."""
+"""Simulated time after the body has braked, s."""
 FINAL_WINDOW_S = 0.02
-"""Of it, or of the whole set-point, the end that is judged."""
+"""Length of the final window in which the last error is measured, s."""
 LIFT_COMMAND_S = 0.2
+"""Time of the lift command for a body at rest on its stops, s."""
 LAND_COMMAND_S = 0.45
-"""When a body that was let go first is lifted, and when it is told to land."""
+"""Time of the landing command, s."""
 SLIDE_LIMIT_S = 0.02
-"""After it came down, a body lies: what slides later, it does without friction here."""
+"""Time after touchdown at which the body counts as at rest, s. The model has no friction."""
 BRAKING_RATIOS = (1.0, 0.5, 0.25, 0.1)
-"""Of the largest acceleration, at which it may brake."""
+"""Candidates for the deceleration, as fractions of the largest acceleration."""
 _LOST_MAGNET_FACTOR = 256
-"""In the state that a loop records: times the highest number of a magnet that is lost."""
+"""Factor of the highest number of a lost magnet in the recorded state word."""
 LOSS_TITLE = "a magnet lost in flight, each when it pulls most, or a head"
 LOSS_COLUMNS = (
     "lost",
@@ -219,31 +220,29 @@ LOSS_NOTES = (
 
 @dataclass(frozen=True, kw_only=True)
 class LossResult:
-    """What became of a body one of whose magnets or heads was lost; none where it was lifted."""
+    """What happened to a body after the loss of a magnet or a head, or in a lift-off."""
 
     magnet: str
     at_s: float
     current_A: float | None = None
-    spare: bool = (
-        False  # whether the others hold every coordinate, by linear programme; or tell the pose
-    )
-    noticed_s: float | None = None  # so much later
-    # "unnoticed", "flies on", "brakes", "lands", "let go", "falls" where it hit a stop in the air,
-    # or "lifts off", "stays"
+    spare: bool = False  # whether the others can move the body, or determine its pose
+    noticed_s: float | None = None  # delay of the detection; None if it was not detected
+    # "unnoticed", "flies on", "brakes", "lands", "let go", "falls" (it hit a stop while levitated),
+    # "lifts off" or "stays"
     outcome: str
-    # of each coordinate the largest error from the loss on, and at the end; none of one that is down
+    # largest error of each coordinate after the loss, and at the end; empty if the body is down
     error: dict[str, float]
     error_end: dict[str, float]
-    # how fast it comes onto stops, relative to the long stroke: downwards, and anywhere at a magnet;
-    # 0 where it never does
+    # contact speeds relative to the long stroke: downwards, and in any direction at a magnet; 0
+    # without contact
     down_m_per_s: float
     touch_m_per_s: float
-    # the same where all currents end when the loss is found, and where it is not looked for
+    # the same if all currents end at the detection, and if nothing is monitored
     let_go: tuple[float, float]
     unaware: tuple[float, float]
 
     def table_cells(self) -> list[str]:
-        """Return what a table says of it, in the columns of :data:`LOSS_HEAD`."""
+        """Return the table row, with the columns of :data:`LOSS_COLUMNS`."""
 
         def format_largest(error: Mapping[str, float]) -> str:
             sizes = [
@@ -272,7 +271,7 @@ def _controller_state(run: Recording) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Plan:
-    """A set-point as it is flown: a value a tick, of place and acceleration one more."""
+    """Sampled set-point of a flight; position and acceleration have one more sample than the force."""
 
     position: FloatArray  # m
     acceleration: FloatArray  # m/s2
@@ -281,7 +280,7 @@ class _Plan:
 
 @dataclass(frozen=True)
 class LossFlights:
-    """Flights over the test set-point in which magnets are lost."""
+    """Flights over the test set-point in which magnets or heads are lost."""
 
     setup: StageSetup
     gains: Feedforward
@@ -289,7 +288,7 @@ class LossFlights:
     seed: int = 1
 
     def run_all(self) -> list[LossResult]:
-        """Lose every magnet that the case names in a flight of its own, then every head; then lift."""
+        """Run a flight for each magnet of the case, then for each head, then the lift-off."""
         file, test_plan, case = self._rig.settings, self._test_plan(), self.case
         magnet_names = [one.name for one in file.body_magnets]
         undisturbed_run = self._fly(test_plan, {})
@@ -299,7 +298,7 @@ class LossFlights:
         ]
         count = len(file.position_sensors)
         heads = [(number, fault) for fault in case.heads or [] for number in range(count)]
-        losses += [self._lose_head(number, way, test_plan) for number, way in heads]
+        losses += [self._lose_head(number, fault, test_plan) for number, fault in heads]
         return [*losses, self._run_lift_off(test_plan)] if case.lift else losses
 
     @property
@@ -332,7 +331,7 @@ class LossFlights:
     def _run_failure(
         self, name: str, tick: int, fault_word: int, magnet: int, test_plan: _Plan
     ) -> LossResult:
-        """Return what becomes of a body for which something fails at a tick, or when the case says."""
+        """Simulate a failure at a tick, or at the time of the case, and what follows."""
         dt, file = self._rig.dt, self._rig.settings
         if self.case.at_s is not None:
             tick = min(round(self.case.at_s / dt), len(test_plan.feedforward) - 1)
@@ -375,7 +374,7 @@ class LossFlights:
         )
 
     def _run_lift_off(self, test_plan: _Plan) -> LossResult:
-        """Return how a body that was let go is lifted from its stops, and set down again."""
+        """Simulate how a body without currents is lifted from its stops and landed again."""
         dt, names = self._rig.dt, error_columns(self._rig.settings.body.free)
         lift_tick, land_tick = round(LIFT_COMMAND_S / dt), round(LAND_COMMAND_S / dt)
         zeros = np.zeros(2 * land_tick)
@@ -419,9 +418,9 @@ class LossFlights:
         return _Plan(position, acceleration, feedforward_force(self.setup, motion, self.gains))
 
     def _braking_plan(self, magnet: int, test_plan: _Plan, tick: int) -> _Plan:
-        """Return the plan that brakes to rest from a tick on, and is held there.
+        """Return the plan that brakes to rest from a tick on and then holds the position.
 
-        The acceleration goes to zero along a line first, in a jerk phase of the set-point.
+        First the acceleration falls to zero linearly, in one jerk phase of the set-point.
         """
         rig, file, mass = (
             self._rig,
@@ -487,7 +486,7 @@ class LossFlights:
         )
 
     def _can_make(self, magnet: int, feedforward: FloatArray) -> bool:
-        """Whether forces fed forward are made without a magnet."""
+        """Whether the magnets can make the fed-forward forces without one magnet."""
         file = self._rig.settings
         layout = wrench_layout(file, usual_allocation(file), self._rig.idle_force)
         layout.lose(magnet)
@@ -497,7 +496,7 @@ class LossFlights:
     def _fly(
         self, plan: _Plan, faults: Mapping[int, int], commands: Mapping[int, Command] | None = None
     ) -> Recording:
-        """Return a flight with what fails from some ticks on, and with commands at ticks."""
+        """Simulate a plan with faults and commands that begin at given ticks."""
         rig, n = self._rig, plan.feedforward.size
         delay = round(STRAY_DELAY_S / rig.dt)
         delayed_acceleration = np.concatenate([np.zeros(delay), plan.acceleration[:-delay]])
@@ -514,7 +513,7 @@ class LossFlights:
         return Recording(dict(run.columns) | recording_columns(rig, run, scenario))
 
     def _contact_speeds(self, run: Recording) -> tuple[float, float]:
-        """Return how fast the body comes onto stops at most, downwards and anywhere at a magnet."""
+        """Return the largest contact speeds, downwards and in any direction at a magnet, m/s."""
         file, free = self._rig.settings, self._rig.settings.body.free
         poses = np.column_stack([run[name] for name in axis_columns("pose", free)])
         speeds = np.diff(poses, axis=0) / self._rig.dt

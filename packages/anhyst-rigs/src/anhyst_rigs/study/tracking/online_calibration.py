@@ -1,4 +1,9 @@
-"""What a stage or a bearing learns while it runs on a bench, beside it."""
+"""Calibrate a stage or a bearing while it runs on a bench.
+
+The calibrators read the rows of the bench in a separate thread. They estimate the parameters after
+each cycle of a stage's set-point, or each second of a bearing, and put corrections into force
+between two ticks. If errors grow, they restore earlier corrections and stop.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +34,16 @@ from anhyst_rigs.study.tracking.measures import slit_statistics
 from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_slow_amplifier
 
 MAX_SHOWN_LAPS = 500
-"""Laps that a page can draw."""
+"""Number of cycles that a page can draw."""
 PICKUP_TIME_S = 0.1
-"""In which the weight of a body is taken up: the iron that carries it remembers that ever after."""
+"""Time in which the weight of a body is taken up, s. These rows are kept, because they determine
+the hysteresis state afterwards."""
 MAX_BUFFER_S = 20.0
-"""Rows that are kept for a lap and what its iron remembers, s; after a longer rest a lap is waited for."""
+"""Length of the row buffer for one cycle and the hysteresis state before it, s. After a longer
+rest, one cycle is skipped."""
 MAX_ERROR_GROWTH = 1.5
-"""Times the least error, in two laps in a row, beyond which what was learnt is taken back."""
+"""Largest growth of the error over its smallest value in two cycles in a row. Beyond it the earlier
+corrections are restored."""
 _BEARING_COLUMNS = (
     "reference_m",
     "gap_read_m",
@@ -46,48 +54,49 @@ _BEARING_COLUMNS = (
     "phase",
 )
 MIN_COMPARISONS = 50
+"""Smallest number of comparisons in a window that is used for an update."""
 MIN_SWAP_CHANGE = 0.1
-"""Comparisons of a second that teaches; part of a stated deviation below which nothing is swapped."""
+"""Smallest change of a parameter for which a block is swapped, in prior standard deviations."""
 
 
 Corrections = Mapping[ParameterName, float]
-"""What a method is corrected by; empty where by nothing."""
+"""Parameter values with which a method is corrected; empty without corrections."""
 RunOnBench = Callable[[Callable[[], None]], None]
-"""Does something to the bench between two of its ticks, in its thread."""
+"""Runs a function in the bench's thread, between two ticks."""
 
 
 class LearntLap(NamedTuple):
-    """What a lap left, and what was known after it."""
+    """Errors of one cycle (or window of a bearing), and the estimate after it."""
 
-    tick: int  # its last
+    tick: int  # last tick
     lap: int
     method: MethodName
-    # error; of a stage the largest moving average over the slit, while it cruised
+    # error; for a stage the largest moving average over the slit in the cruise
     average: float
     peak: float  # largest error
-    learning: bool  # whether it was to teach
-    refused: int  # laps of this method so far that taught nothing, since nothing explained them
-    # number by name: estimate, standard deviation that is left, what is applied, what is stated
+    learning: bool  # whether the estimate was updated
+    refused: int  # number of rejected cycles of this method
+    # by parameter: estimate, posterior sigma, applied value, prior sigma
     values: Mapping[str, tuple[float, float, float, float]]
 
 
 class _CorrectionHistory:
-    """What was in force of a method when its laps left least, and what has been since."""
+    """Corrections of a method that were in force, and those with the smallest error."""
 
     def __init__(self) -> None:
         self._entries: deque[tuple[StageSetup, Corrections]] = deque(maxlen=MAX_CYCLES)
         self._conditions: tuple[object, ...] = ()
         self._last_average = self._best_average = (
             math.inf
-        )  # moving averages, m: a lap's, the larger of two laps'
+        )  # moving averages, m: last cycle, best pair
         self._best_corrections: Corrections = {}
 
     def add(self, setup: StageSetup, corrections: Corrections) -> None:
-        """Keep what corrects a setup that is put in force."""
+        """Record the corrections of a setup that is put into force."""
         self._entries.append((setup, {name: value for name, value in corrections.items() if value}))
 
     def corrections_of(self, lap: StageCycle) -> Corrections | None:
-        """Return what a lap was corrected by; None where that is forgotten."""
+        """Return the corrections during a cycle; None if they are no longer stored."""
         return next(
             (corrections for setup, corrections in self._entries if setup is lap.setup), None
         )
@@ -95,10 +104,10 @@ class _CorrectionHistory:
     def find_better(
         self, lap: StageCycle, corrections: Corrections, average: float
     ) -> tuple[Corrections, float] | None:
-        """Return what left less than these last two laps do, and how much; None if nothing did."""
+        """Return better corrections and their error, m, if the last two cycles were worse."""
         if (
             lap.conditions != self._conditions
-        ):  # another plant, load or gain: nothing is known of it
+        ):  # other conditions (plant, load or gain): no earlier errors
             self._conditions, self._last_average, self._best_average = (
                 lap.conditions,
                 math.inf,
@@ -116,41 +125,40 @@ class _CorrectionHistory:
 
 
 class BenchCalibrator:
-    """Calibrates the methods of a bench from its motions, each from those that it drove itself.
+    """Base class: calibrates each method of a bench from the motions that it controlled itself.
 
-    :meth:`run` is a thread of its own; what it found acts through `do`, which a session gives: in
-    the thread of the bench, as the orders do.
+    :meth:`run` has a separate thread. Changes of the bench go through ``run_on_bench``.
     """
 
     unit = "m"
-    """Of the errors of its laps."""
+    """Unit of the errors of the cycles."""
 
     def __init__(self, bench: Bench, is_on: bool = False) -> None:
         self.is_on = is_on
         self.laps: deque[LearntLap] = deque(maxlen=MAX_SHOWN_LAPS)
         self._clock = bench
         self._estimators: dict[MethodName, ParameterEstimator] = {}
-        self._uncorrected_error: dict[MethodName, float] = {}  # error where nothing is applied
+        self._uncorrected_error: dict[MethodName, float] = {}  # error without corrections
         self._buffer: deque[FloatArray] = deque()
         self._stop_reason = ""
-        self._start_tick = 0  # tick before which nothing teaches that waits to be looked at
+        self._start_tick = 0  # first tick of rows that may be used
 
     def switch(self, is_on: bool) -> None:
-        """Learn from what is under way on, or no more; what is applied stays."""
+        """Switch the calibration on or off; applied corrections stay."""
         if is_on and (refusal := self._refusal):
             raise refusal
         self.is_on, self._start_tick = is_on, self._clock.tick
 
     def revert(self) -> int:
-        """Forget all that was learnt; in the bench's thread."""
+        """Delete all estimates and return the tick; called in the bench's thread."""
         self._start_tick = (
             self._clock.tick
-        )  # first: what waits finds either this or its learner gone
+        )  # first, so that pending updates find either the new tick or no estimator
         self._estimators, self._stop_reason = {}, ""
         return self._start_tick
 
     def status(self) -> Mapping[str, Any]:
-        """Return what a page shows beside the laps."""
+        """Return what a page shows in addition to the cycles."""
         estimators = dict(self._estimators)
         return {
             "on": self.is_on,
@@ -163,28 +171,28 @@ class BenchCalibrator:
         }
 
     def run(self, subscription: Subscription, run_on_bench: RunOnBench) -> None:
-        """Take rows until they end."""
+        """Process rows until the subscription ends."""
         with suppress(InputError):  # the bench is closed
             while (rows := subscription.get()) is not None:
                 self.process_rows(rows, run_on_bench)
 
     def process_rows(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
-        """Take rows, and learn from each lap that ends with them."""
+        """Store rows and update the estimate from each cycle that ends with them."""
         if self._buffer and rows[0, 0] != self._buffer[-1][-1, 0] + 1:
-            self._buffer.clear()  # some were missed
+            self._buffer.clear()  # rows are missing
         self._buffer.append(rows)
         self._process(rows, run_on_bench)
 
     def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
-        """Learn from what ends with rows."""
+        """Update the estimate from each cycle or window that ends with these rows."""
         raise NotImplementedError  # pragma: no cover
 
     def _stop(self, reason: str) -> None:
-        """Learn no more, and show why."""
+        """Stop the calibration, and show the reason."""
         self._stop_reason, self.is_on = f"learning ended: {reason}", False
 
     def _record_lap(self, lap: LearntLap, estimator: ParameterEstimator | None) -> None:
-        """Keep what a page draws of a lap."""
+        """Store what a page draws of a cycle."""
         if estimator is not None:
             values = {
                 parameter.name: (
@@ -201,12 +209,12 @@ class BenchCalibrator:
 
     @property
     def _refusal(self) -> InputError | None:
-        """Return why nothing can be learnt, or None."""
+        """The reason why nothing can be calibrated, or None."""
         raise NotImplementedError  # pragma: no cover
 
 
 class StageCalibrator(BenchCalibrator):
-    """Calibrates a stage from its laps; what it found acts when the body next rests."""
+    """Calibrates a stage from its cycles; corrections come into force when the body next rests."""
 
     def __init__(self, magnet: IdentifiedMagnet, bench: StageBench) -> None:
         rig = bench.rig
@@ -214,32 +222,32 @@ class StageCalibrator(BenchCalibrator):
         self._rig, self._magnet, self._bench = rig, magnet, bench
         self._required_columns = StageLaw(rig, magnet, "full").required_columns[
             1:
-        ]  # the clock is the tick here
+        ]  # without the time: rows begin with the tick
         self._column_indices = [
             _row_index(bench.signals, one) for one in (*self._required_columns, "error_m", "lap")
         ]
-        # in rows of them
+        # positions in stored rows
         self._command_indices = [
             1 + n for n, one in enumerate(self._required_columns) if one.startswith("command")
         ]
         self._skipped_laps = 0
-        # rows of that, since it was switched on
+        # rows since the current was switched on, while the weight is taken up
         self._pickup_rows = np.zeros((0, 1 + len(self._column_indices)))
         self._laws: dict[MethodName, MotionLaw] = {}
         self._histories: dict[MethodName, _CorrectionHistory] = {}
 
     def revert(self) -> int:
-        """Forget all that was learnt, and put in force what the rig file says."""
+        """Delete all estimates, and put the setups of the rig file into force."""
         super().revert()
         self._histories, self._skipped_laps = {}, 0
         return [self._bench.correct(setup) for setup in self._bench.setups][-1]
 
     def status(self) -> Mapping[str, Any]:
-        """Return what a page shows beside the laps."""
+        """Return what a page shows in addition to the cycles."""
         return {**super().status(), "left_out": self._skipped_laps}
 
     def process_rows(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
-        """Take rows, and learn from each lap that ends with them."""
+        """Store rows and update the estimate from each cycle that ends with them."""
         super().process_rows(rows[:, [0, *self._column_indices]], run_on_bench)
 
     def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
@@ -254,7 +262,7 @@ class StageCalibrator(BenchCalibrator):
                 self._rows_before_lift(pickup_tick) if was_lifted_again else self._pickup_rows[:0]
             )
             self._pickup_rows = np.concatenate([earlier_rows, rows[pickup_tick - first :]])
-            if was_lifted_again:  # its iron carries the weight on another branch now
+            if was_lifted_again:  # the iron now carries the weight on another branch
                 self._estimators = {
                     name: one.copy_without_data() for name, one in self._estimators.items()
                 }
@@ -265,7 +273,7 @@ class StageCalibrator(BenchCalibrator):
                 self._process_lap(lap, run_on_bench)
 
     def _rows_before_lift(self, tick: int) -> FloatArray:
-        """Return what the iron remembers of before a lift: the first one, the last lap, the way down."""
+        """Return rows before a lift that determine the hysteresis state: first lift to descent."""
         history_begin = max(
             (one.history_start for one in tuple(self._bench.cycles) if one.first_tick < tick),
             default=0,
@@ -274,13 +282,13 @@ class StageCalibrator(BenchCalibrator):
         rows = rows[(rows[:, 0] >= history_begin) & (rows[:, 0] < tick)]
         has_current = rows[:, self._command_indices].any(axis=1)
         is_earlier = self._pickup_rows[:, 0] < (rows[0, 0] if len(rows) else tick)
-        # of a rest without current its first row says as much
+        # the first row of a rest without current is sufficient
         return np.concatenate(
             [self._pickup_rows[is_earlier], rows[has_current | np.roll(has_current, 1)]]
         )
 
     def _process_lap(self, lap: StageCycle, run_on_bench: RunOnBench) -> None:
-        """Learn from a lap, unless it was broken off, and let what was found act."""
+        """Update the estimate from a complete cycle, and put corrections into force."""
         table = np.concatenate([one for one in self._buffer if one[-1, 0] >= lap.history_start])
         first, end = int(table[0, 0]), lap.last_tick
         error, laps = table[: end + 1 - first, -2:].T
@@ -318,7 +326,7 @@ class StageCalibrator(BenchCalibrator):
 
         def act() -> None:
             if estimators is not self._estimators:
-                return  # it was reverted meanwhile
+                return  # reverted meanwhile
             if is_uncorrected:
                 self._uncorrected_error[lap.method] = average
             if setup is not None and estimator is not None:
@@ -332,7 +340,7 @@ class StageCalibrator(BenchCalibrator):
         run_on_bench(act)
 
     def _is_superseded(self, lap: StageCycle) -> bool:
-        """Whether a lap after it has ended meanwhile: looking at one takes longer than a lap."""
+        """Whether a later cycle has ended; an update can take longer than a cycle."""
         tick = self._bench.tick
         return any(
             one.number > lap.number and one.last_tick <= tick for one in tuple(self._bench.cycles)
@@ -341,7 +349,7 @@ class StageCalibrator(BenchCalibrator):
     def _restore_best(
         self, estimator: ParameterEstimator, best: Corrections, best_average: float, average: float
     ) -> StageSetup:
-        """End learning, and return what the method was corrected by when its laps left least."""
+        """Stop the calibration, and return the stage with the corrections of the smallest error."""
         estimator.applied_values = dict.fromkeys(estimator.applied_values, 0.0) | dict(best)
         self._stop(
             f"the moving average of {estimator.law.method} grew from {1e9 * best_average:.3g} to "
@@ -356,7 +364,7 @@ class StageCalibrator(BenchCalibrator):
         columns: Mapping[str, FloatArray],
         begin_row: int,
     ) -> StageSetup | None:
-        """Take a lap in that begins with a row; return what is to be put in force, if anything changes."""
+        """Update the estimate from a cycle that begins at a row; return a new setup if it changes."""
         method = lap.method
         if method not in self._laws:
             self._laws[method] = StageLaw(self._rig, self._magnet, method)
@@ -388,18 +396,20 @@ class StageCalibrator(BenchCalibrator):
 
 
 WINDOW_S = 1.0
+"""Length of the window of a bearing that is processed at once, s."""
 TAIL_S = 0.1
-"""Rows of a bearing that are looked at together, and those before of which every one is kept."""
+"""Length of unthinned rows before a window, s."""
 THINNING_BLOCK_ROWS = 20
+"""Number of older rows that are replaced by the two with the smallest and largest drive."""
 MAX_HISTORY_ROWS = 100_000
-"""Of older rows so many become the two that the iron remembers best; beyond so many once more."""
+"""Number of thinned rows after which they are thinned again."""
 
 
 class BearingCalibrator(BenchCalibrator):
-    """Calibrates a bearing from every second in which its reference moved; a block is swapped then.
+    """Calibrates a bearing from each second in which its reference moved, and swaps the block.
 
-    The firmware lets fade what the current would jump by. Errors are what the force is off by; what
-    nothing would have been learnt for is what the law as it was fitted leaves of the same second.
+    The firmware fades the change of the current in. Errors are those of the force. For comparison,
+    the error of the uncorrected model is computed for the same second.
     """
 
     unit = "N"
@@ -416,30 +426,28 @@ class BearingCalibrator(BenchCalibrator):
         self._magnet, self._compile_block = (
             magnet,
             compile_block,
-        )  # to a block for the running board
+        )  # to a block for the board
         self._column_indices = {one: _row_index(bench.signals, one) for one in _BEARING_COLUMNS}
         self._law: BearingLaw | None = None
         self._history_rows = np.zeros((0, 1 + len(bench.signals)))
         self._initial_block = self._own_block = bench.read_block()
         self._corrections: Corrections = {}
-        self._is_waiting = False  # for an armature that lies without a current
-        self._was_worse = False  # whether the last second was worse than without what is applied
+        self._is_waiting = False  # for an armature at rest without current
+        self._was_worse = False  # whether the last window was worse than without corrections
 
     def revert(self) -> int:
-        """Forget all that was learnt, and put in force what the rig file says."""
+        """Delete all estimates, and put the initial block into force."""
         super().revert()
         return self._swap_block(self._initial_block, {})
 
     def status(self) -> Mapping[str, Any]:
-        """Return what a page shows beside the laps."""
+        """Return what a page shows in addition to the cycles."""
         waits = "rows were missed, and what the iron remembers is not known: land, and lift again"
         shown = super().status()
         return {**shown, "trouble": shown["trouble"] or (waits if self._is_waiting else "")}
 
     def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
-        if (
-            len(self._buffer) == 1
-        ):  # the first, or rows were missed: it begins where no current flows
+        if len(self._buffer) == 1:  # first rows, or rows are missing: wait for zero current
             self._history_rows = self._history_rows[:0]
             self._is_waiting = bool(rows[0, self._column_indices["command_A"]] > 0.0)
             if self._is_waiting:
@@ -457,7 +465,7 @@ class BearingCalibrator(BenchCalibrator):
         self._buffer = deque([table[-tail:]])
 
     def _process_window(self, table: FloatArray, run_on_bench: RunOnBench) -> None:
-        """Learn from a second, and let what was found act."""
+        """Update the estimate from one window, and put corrections into force."""
         if self._refusal is not None:
             return
         setup = self._setup
@@ -490,7 +498,7 @@ class BearingCalibrator(BenchCalibrator):
 
         def act() -> None:
             if estimators is not self._estimators:
-                return  # it was reverted meanwhile
+                return  # reverted meanwhile
             self._uncorrected_error[self._method] = uncorrected_rms_N
             if should_revert:
                 self.revert()
@@ -517,7 +525,7 @@ class BearingCalibrator(BenchCalibrator):
     def _update(
         self, estimators: dict[MethodName, ParameterEstimator], law: BearingLaw, motion: Motion
     ) -> tuple[Sequence[int], Corrections] | None:
-        """Take a second in; return the block that is to be put in force, if anything changes."""
+        """Update the estimate from a window; return a new block and its corrections if they change."""
         estimator = estimators.setdefault(self._method, ParameterEstimator(law, FORGETTING_TIME_S))
         try:
             estimator.update(motion)
@@ -530,7 +538,7 @@ class BearingCalibrator(BenchCalibrator):
             ):
                 return None
             gap_zero = corrections["gap_zero_m"]
-            gap_margin = 2.0 * abs(gap_zero)  # the gaps of the board stay those of the build
+            gap_margin = 2.0 * abs(gap_zero)  # the board keeps its range of gaps
             magnet = calibrate_magnet(
                 self._magnet, corrections["scale_1"], gap_zero, corrections["width"], gap_margin
             )
@@ -540,7 +548,7 @@ class BearingCalibrator(BenchCalibrator):
             return None
 
     def _swap_block(self, words: Sequence[int], corrections: Corrections) -> int:
-        """Put a block in force, unless somebody swapped another model in; in the bench's thread."""
+        """Put a block into force, unless somebody else swapped a model; in the bench's thread."""
         current_block = self._bench.read_block()
         if set_generation(current_block, 0) != set_generation(self._own_block, 0):
             self._stop("another model is in force")
@@ -562,7 +570,7 @@ class BearingCalibrator(BenchCalibrator):
 
 
 def _thin_rows(rows: FloatArray, columns: Mapping[str, int]) -> FloatArray:
-    """Keep of each block of rows those at which the magnet is driven least and most."""
+    """Keep the two rows with the smallest and largest current over gap of each block of rows."""
     blocks = len(rows) // THINNING_BLOCK_ROWS
     row_count = blocks * THINNING_BLOCK_ROWS
     drive = rows[:row_count, columns["command_A"]] / rows[:row_count, columns["gap_read_m"]]
@@ -573,5 +581,5 @@ def _thin_rows(rows: FloatArray, columns: Mapping[str, int]) -> FloatArray:
 
 
 def _row_index(signals: Sequence[Signal], header: str) -> int:
-    """Return where a column of a recording is in the rows of a bench."""
+    """Return the position of a recording's column in the rows of a bench."""
     return 1 + [column_name(signal.name, signal.unit) for signal in signals].index(header)
