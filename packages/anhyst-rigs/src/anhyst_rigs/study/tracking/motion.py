@@ -64,9 +64,8 @@ class Motion(ABC):
 
     rig: BodyRig
     columns: Mapping[str, FloatArray]  # recorded values by column name, SI units
-    first_compared_tick: int = (
-        0  # first tick to compare; earlier ticks only give the hysteresis state
-    )
+    # first tick to compare; earlier ticks only give the hysteresis state
+    first_compared_tick: int = 0
 
     @property
     def comparisons_per_tick(self) -> int:

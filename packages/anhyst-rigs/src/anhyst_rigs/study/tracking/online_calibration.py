@@ -151,9 +151,8 @@ class BenchCalibrator:
 
     def revert(self) -> int:
         """Delete all estimates and return the tick; called in the bench's thread."""
-        self._start_tick = (
-            self._clock.tick
-        )  # first, so that pending updates find either the new tick or no estimator
+        # first, so that pending updates find either the new tick or no estimator
+        self._start_tick = self._clock.tick
         self._estimators, self._stop_reason = {}, ""
         return self._start_tick
 
