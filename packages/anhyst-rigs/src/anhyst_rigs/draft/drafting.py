@@ -1,4 +1,4 @@
-"""From measured loops to a folder that runs: ``anhyst init``."""
+"""Write a folder with a runnable rig from measured loops, as ``anhyst init`` does."""
 
 from __future__ import annotations
 
@@ -32,39 +32,44 @@ BEARING_COMMANDS = (
     "anhyst simulate {out}/rig.toml --out {out}/run.csv",
     "anhyst tune {out}/rig.toml --out {out}/tuned",
 )
+"""Commands to run in a drafted bearing."""
 FORCE_COMMANDS = ("anhyst force-control {out}/rig.toml --out {out}/run",)
+"""Commands to run in a drafted force rig."""
 STAGE_COMMANDS = ("anhyst simulate {out}/rig.toml --out {out}/run.csv",)
+"""Commands to run in a drafted stage."""
 PIEZO_COMMANDS = (
     "anhyst simulate {out}/rig.toml --out {out}/run.csv",
     "anhyst tune {out}/rig.toml --out {out}/tuned",
     "anhyst excite {out}/rig.toml --out {out}/own.csv",
 )
-"""What to run in a drafted rig of each kind."""
+"""Commands to run in a drafted piezo stage."""
 
 RIG_FILE = "rig.toml"
+"""Name of the rig file."""
 CONTROLLER_FILE = "controller.toml"
+"""Name of the controller file."""
 LOOPS_FOLDER = "loops"
-"""What is written; loops are copied into a folder, so that no file of theirs meets ours."""
+"""Folder for copies of the loops, so that their names cannot collide with other files."""
 
 
 @dataclass(frozen=True)
 class Drafted:
-    """What was written.
+    """Files of a draft.
 
     Parameters
     ----------
     out : Path
         The folder.
     files : tuple of str
-        In it.
+        In the folder.
     run : tuple of str
-        Commands to go on with.
+        Next commands.
     found : tuple of str, optional
-        What the loops say, a line each.
+        Properties of the loops, one for each line.
     guessed : mapping of str to str, optional
-        What could have been given and was not: option with its value, and from what.
+        Options that were not given: option with its value, and the source of the guess.
     guesses : mapping of str to mapping, optional
-        All that is guessed, by file: key with its value, and from what.
+        All guesses by file: key with its value, and the source of the guess.
     """
 
     out: Path
@@ -75,7 +80,7 @@ class Drafted:
     guesses: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
+        """Return the content of the JSON output."""
         return {
             "out": str(self.out),
             "files": list(self.files),
@@ -92,7 +97,7 @@ def init_bearing(
     options: ReadOptions | None = None,
     progress: Progress | None = None,
 ) -> Drafted:
-    """Write rig and controller file of a bearing, with a copy of the loops beside them."""
+    """Write rig and controller file of a bearing, and a copy of the loops."""
     check_new(out, [RIG_FILE, CONTROLLER_FILE, LOOPS_FOLDER])
     options = options or ReadOptions()
     source = _LoopSource(paths, options)
@@ -118,7 +123,7 @@ def init_bearing(
 def _init_piezo(
     loops: Loops, source: _LoopSource, out: PathLike, request: MachineRequest
 ) -> Drafted:
-    """Write the rig file of a piezo stage, with a copy of the loops that its stack is fitted to."""
+    """Write the rig file of a piezo stage, and a copy of the loops to which its stack is fitted."""
     if request != MachineRequest():
         raise InputError(
             "--mass, --load and --gap belong to a bearing, and loops over a voltage to a piezo "
@@ -149,7 +154,7 @@ def init_rig(
     progress: Progress | None,
     stage: MachineRequest | None = None,
 ) -> Drafted:
-    """Write the rig file of a stage between two magnets, or of one whose force is controlled."""
+    """Write the rig file of a stage between two magnets, or of a magnet with force control."""
     check_new(out, [RIG_FILE, LOOPS_FOLDER])
     source = _LoopSource(paths, options)
     loops = options.read(paths, progress)
@@ -165,7 +170,7 @@ def init_rig(
 
 
 class _LoopSource:
-    """The loops of a draft: how they are called, and their copies."""
+    """The loops of a draft: names and copies."""
 
     def __init__(self, paths: Sequence[PathLike], options: ReadOptions) -> None:
         self.name = Path(paths[0]).resolve().name
@@ -195,6 +200,7 @@ def _write_draft(
     found: tuple[str, ...],
     machine: Machine | None = None,
 ) -> Drafted:
+    """Write the files and describe the draft."""
     add_files(out, {name: draft.text for name, draft in files.items()}, source.copies)
     return Drafted(
         Path(out),

@@ -1,4 +1,4 @@
-"""What a rig has to know of its magnet, from loops, and of what it moves, as given or guessed."""
+"""Evaluate the loops of a magnet for a draft, and complete the data of its machine by guesses."""
 
 from __future__ import annotations
 
@@ -19,39 +19,40 @@ from anhyst.support.numeric import FloatArray
 from anhyst_rigs.draft.text import round_down, round_nearest
 
 TOP_CURRENT_RATIO = 0.95
-"""Share of the largest current from which samples say what force it makes."""
+"""Fraction of the largest current above which samples determine its force."""
 
 USABLE_FORCE_RATIO = 0.95
-"""Share of the measured force that a controller may ask for."""
+"""Fraction of the measured force that a controller may demand."""
 
 MAX_WEAKEST_FORCE_RATIO = 4.0
-"""It may ask for so many times what the loops reach at the weakest gap."""
+"""Largest demanded force over the force at the weakest gap."""
 
 MIN_LOAD_RATIO = 0.01
-"""Share of that force from which a load is distinguished from none."""
+"""Smallest load, as a fraction of that force; smaller ones are within the uncertainty of the loops.
+"""
 
 MIN_BRANCH_SAMPLES = 12
-"""Samples of one branch from which its noise can be estimated."""
+"""Smallest number of samples of a branch from which its noise can be estimated."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMagnet:
-    """A magnet as its loops show it."""
+    """A magnet as described by its loops."""
 
-    loops: Loops  # force over current, at one gap or several; slow ones
-    gaps: FloatArray  # measured ones, m, rising; shape (g,)
+    loops: Loops  # force over current at one or several gaps; slow loops only
+    gaps: FloatArray  # measured gaps, m, ascending; shape (g,)
     current_high: float  # largest current that was measured at every gap, A
     forces: FloatArray  # force at that current, N; shape (g,)
-    # cycles a second and A/s of the fastest loops; None where rate does not matter
+    # rates of the fastest loops, Hz and A/s; None if the rate does not matter
     fastest: tuple[float, float] | None = None
 
     def usable_force(self, gap: float) -> float:
-        """Return the largest force that a controller at a gap is to ask for, N.
+        """Return the largest force that a controller may demand at a gap, N.
 
-        A little less than the loops reach there; and not much more than they reach at the weakest
-        gap, or what is fitted over all gaps would be made up there.
+        It is a little below the loops at this gap, and limited relative to the weakest gap, where
+        the fitted model would otherwise extrapolate.
         """
-        # Over the gap the reciprocal root of the force is nearly straight.
+        # The reciprocal root of the force is nearly linear in the gap.
         force = float(np.interp(gap, self.gaps, self.forces**-0.5) ** -2)
         return min(USABLE_FORCE_RATIO * force, MAX_WEAKEST_FORCE_RATIO * float(self.forces.min()))
 
@@ -80,7 +81,7 @@ class MeasuredMagnet:
 
     @property
     def noise(self) -> tuple[float, float]:
-        """Standard deviations of the noise of current and force between turning points, A and N."""
+        """Standard deviations of the noise of current and force between reversal points, A and N."""
         noises = [
             (estimate_noise(loop.input[start:end]), estimate_noise(loop.output[start:end]))
             for loop in self.loops.loops
@@ -94,7 +95,7 @@ class MeasuredMagnet:
 
     @property
     def pace(self) -> tuple[float, float] | None:
-        """Time from row to row and sweep of the current, s and A/s; None without times."""
+        """Time between rows and rate of the current, s and A/s; None without times."""
         steps, sweeps = [], []
         for loop in self.loops.loops:
             if loop.time is None:
@@ -108,13 +109,13 @@ class MeasuredMagnet:
 
 
 def evaluate_loops(loops: Loops) -> MeasuredMagnet:
-    """Look at the loops of a magnet."""
+    """Evaluate the loops of a magnet."""
     if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
         raise InputError("a rig needs columns I_A, F_N and gap_m", code="columns-missing")
     fastest, loops = _fastest_rate(loops), select_slow_loops(loops)
     groups = loops.by_schedule()
     current_high = min(max(float(loop.input.max()) for loop in group) for group in groups.values())
-    current_high = round_nearest(current_high, 3)  # what is read is restless
+    current_high = round_nearest(current_high, 3)  # readings are noisy
     if not current_high > 0.0:
         text = "at one gap no current above 0 A was measured; turn the sign of the current"
         raise InputError(text, code="current-negative")
@@ -127,6 +128,7 @@ def evaluate_loops(loops: Loops) -> MeasuredMagnet:
 
 
 def _fastest_rate(loops: Loops) -> tuple[float, float] | None:
+    """Return the rates of the fastest loops, Hz and A/s; None if the rate does not matter."""
     speeds = group_by_speed(loops)
     if speeds is None or find_rate_effect(loops, speeds) is None:
         return None
@@ -137,7 +139,7 @@ def _fastest_rate(loops: Loops) -> tuple[float, float] | None:
 
 
 def _force_at_top(group: Sequence[Loop], current_high: float) -> float:
-    """Return the force at the largest current, N: a line through the samples near it."""
+    """Return the force at the largest current, N, from a line through the samples near it."""
     current = np.concatenate([loop.input for loop in group])
     force = np.concatenate([loop.output for loop in group])
     top = np.abs(current - current_high) <= (1.0 - TOP_CURRENT_RATIO) * current_high
@@ -149,30 +151,30 @@ def _force_at_top(group: Sequence[Loop], current_high: float) -> float:
 
 
 GRAVITY_M_PER_S2 = 9.81
-"""m/s^2."""
+"""Acceleration of gravity, m/s^2."""
 
 MIN_LIFT_RATIO = 1.1
-"""Loops of every gap must reach so many times the load, or the armature hardly leaves its rest."""
+"""Smallest force of the loops at every gap over the load, for a reliable lift-off."""
 
 DEFAULT_LOAD_RATIO = 0.5
-"""Share of the force at the weakest gap that a load is guessed to be."""
+"""Default load, as a fraction of the force at the weakest gap."""
 
 STOP_CLEARANCE_RATIO = 0.05
-"""Share of the travel that must be left between the operating gap and either stop."""
+"""Smallest distance between the operating gap and a stop, as a fraction of the travel."""
 
 
 @dataclass(frozen=True, slots=True)
 class MachineRequest:
-    """What a user says of a machine; None for what is to be guessed."""
+    """Data of a machine that a user gives; None for values to guess."""
 
-    mass: float | None = None  # of what moves, kg
-    load: float | None = None  # force that pulls the gap open, N
-    gap: float | None = None  # where it works, m
+    mass: float | None = None  # moving mass, kg
+    load: float | None = None  # load that opens the gap, N
+    gap: float | None = None  # operating gap, m
 
 
 @dataclass(frozen=True, slots=True)
 class GuessedValue:
-    """A number, and from what it was guessed; empty where it was given."""
+    """A value, and the source of its guess; empty if it was given."""
 
     number: float
     guess: str = ""
@@ -180,12 +182,12 @@ class GuessedValue:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """What moves, what pulls at it and where."""
+    """Moving mass, load and operating gap of a machine."""
 
     mass: GuessedValue  # kg, N, m
     load: GuessedValue
     gap: GuessedValue
-    stops: tuple[float, float]  # least and largest gap, m
+    stops: tuple[float, float]  # smallest and largest gap, m
 
     @property
     def clearance(self) -> float:
@@ -194,7 +196,7 @@ class Machine:
         return min(gap - self.stops[0], self.stops[1] - gap)
 
     def list_guesses(self) -> dict[str, str]:
-        """Return what was not given: option with its value, and from what it was guessed."""
+        """Return guessed options with their values, and the sources of the guesses."""
         return {
             f"--{name} {value.number:g}": value.guess
             for name, value in {"mass": self.mass, "load": self.load, "gap": self.gap}.items()
@@ -203,7 +205,7 @@ class Machine:
 
 
 def complete_machine(request: MachineRequest, magnet: MeasuredMagnet) -> Machine:
-    """Complete what a user says of a machine."""
+    """Complete the data of a machine by guesses."""
     for name, number, unit in (
         ("mass", request.mass, "kg"),
         ("load", request.load, "N"),
@@ -248,7 +250,7 @@ def _choose_gap(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue
 
 
 def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue:
-    weakest = int(magnet.forces.argmin())  # the largest gap, but of a solenoid with a cone
+    weakest = int(magnet.forces.argmin())  # the largest gap, except for a solenoid with a cone
     weakest_force, weakest_gap = float(magnet.forces[weakest]), float(magnet.gaps[weakest])
     if request.load is not None:
         load = GuessedValue(request.load)

@@ -81,7 +81,7 @@ class DrivenBoard(Protocol):
 
     @property
     def loss_reason(self) -> str:
-        """Why the controller is looked for; empty while it answers."""
+        """Reason of a lost connection; empty while the controller answers."""
 
     def advance(self, ticks: int) -> FloatArray:
         """Wait for some ticks, and return all new rows."""
