@@ -131,7 +131,7 @@ def test_an_interrupt_loses_nothing(
             raise KeyboardInterrupt
 
     variants: tuple[MethodName, ...] = ("linearised", "full")
-    with pytest.raises(Interrupted, match=r"2 of 5 plants are kept in .*plants\.jsonl; the same"):
+    with pytest.raises(Interrupted, match=r"2 of 5 plants are stored in .*plants\.jsonl; the same"):
         monte_carlo(rig, controller, path, 5, variants, progress=stop, jobs=jobs)
     assert len(path.read_text().splitlines()) == 3
     found = monte_carlo(rig, controller, path, 5, variants, jobs=1)

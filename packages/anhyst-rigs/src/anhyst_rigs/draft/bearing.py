@@ -2,8 +2,8 @@
 
 All rules use one pole. At a constant current the magnet pulls harder as the gap becomes smaller.
 With the mass, this gives a pole on the unstable side, and the controller must be faster than it.
-Rates, bandwidths, hold times and ramps are multiples of the pole. The multiples are those of
-``examples/bearing``, whose loops, mass, load and gap give its numbers back.
+Rates, bandwidths, hold times and ramps are multiples of the pole. The multiples are taken from
+``examples/bearing``, so that its loops, mass, load and gap give its numbers back.
 
 If the force barely depends on the gap, the load over the gap replaces the negative stiffness: it is
 the rate at which the load alone would move the mass.
@@ -82,8 +82,8 @@ def design_bearing(machine: Machine, magnet: MeasuredMagnet) -> BearingDesign:
         )
     if bandwidth < MIN_BANDWIDTH_HZ:
         raise InputError(
-            f"load: {load:g} N hardly moves {mass:g} kg: they would take {0.5 / bandwidth:.2g} s "
-            "for a step; give a larger load or a smaller mass",
+            f"load: {load:g} N is too small for {mass:g} kg: a step would take "
+            f"{0.5 / bandwidth:.2g} s; give a larger load or a smaller mass",
             code="load-too-small",
             key="load",
         )

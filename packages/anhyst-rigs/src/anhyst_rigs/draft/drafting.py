@@ -126,8 +126,8 @@ def _init_piezo(
     """Write the rig file of a piezo stage, and a copy of the loops to which its stack is fitted."""
     if request != MachineRequest():
         raise InputError(
-            "--mass, --load and --gap belong to a bearing, and loops over a voltage to a piezo "
-            "stage; leave them out",
+            "--mass, --load and --gap are for magnets, but loops over a voltage belong to a piezo "
+            "stage; omit them",
             code="option-not-for-this",
             key="--mass",
         )
@@ -141,7 +141,7 @@ def _init_piezo(
     files = {RIG_FILE: draft_piezo(source.name, loops, stack)}
     found = (
         f"stack of {1e6 * stack.stroke:.4g} um from {stack.low:.4g} to {stack.high:.4g} V",
-        f"the law of Bouc and Wen misses the loops by {stack.fit_text}",
+        f"residual of the Bouc-Wen model: {stack.fit_text}",
         f"creep: {stack.creep_text}",
     )
     return _write_draft(out, files, source, PIEZO_COMMANDS, found)
@@ -217,9 +217,9 @@ def _describe_bearing(
 ) -> tuple[str, ...]:
     return (
         _describe_magnet(magnet),
-        f"{machine.mass.number:g} kg held against {machine.load.number:g} N at "
+        f"{machine.mass.number:g} kg against {machine.load.number:g} N at "
         f"{1e3 * machine.gap.number:g} mm: unstable pole {design.pole:.3g} Hz, controller "
-        f"{design.bandwidth:g} Hz, {design.rate:g} ticks a second",
+        f"{design.bandwidth:g} Hz, {design.rate:g} ticks per second",
     )
 
 

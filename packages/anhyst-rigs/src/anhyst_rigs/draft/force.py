@@ -45,7 +45,7 @@ def draft_force_control(magnet: MeasuredMagnet, source: dict[str, Any]) -> Draft
     """Draft the rig file of a magnet with force control."""
     low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
     if not low > 0.0:
-        text = "a gap of 0 m is none in which an armature is held; leave its loops out"
+        text = "an armature cannot be held at a gap of 0 m; remove its loops"
         raise InputError(text, code="gap-zero")
     cycle_Hz, sweep = magnet.fastest or (0.0, 0.0)
     rate = max(DEFAULT_RATE_HZ, min(round_nearest(TICKS_PER_CYCLE * cycle_Hz), MAX_RATE_HZ))

@@ -43,7 +43,7 @@ class MeasuredMagnet:
     gaps: FloatArray  # measured gaps, m, ascending; shape (g,)
     current_high: float  # largest current that was measured at every gap, A
     forces: FloatArray  # force at that current, N; shape (g,)
-    # rates of the fastest loops, Hz and A/s; None if the rate does not matter
+    # rates of the fastest loops, Hz and A/s, or None if the rate does not matter
     fastest: tuple[float, float] | None = None
 
     def usable_force(self, gap: float) -> float:
@@ -62,8 +62,8 @@ class MeasuredMagnet:
         if force < MIN_LOAD_RATIO * force_high:
             raise InputError(
                 f"load: {force:g} N is less than a hundredth of the {force_high:.4g} N that the "
-                "magnet may pull: the loops do not say enough about it; give a larger one, or "
-                "loops of smaller currents",
+                "magnet may pull, and the loops are too uncertain there; give a larger one, or "
+                "loops with smaller currents",
                 code="load-too-small",
                 key="load",
             )
@@ -74,14 +74,14 @@ class MeasuredMagnet:
         if not tangent.current_per_force > 0.0:
             raise InputError(
                 f"at {force:.4g} N and a gap of {gap:g} m the force does not rise with the "
-                "current; look at the loops with anhyst inspect",
+                "current; check the loops with anhyst inspect",
                 code="force-does-not-rise",
             )
         return tangent
 
     @property
     def noise(self) -> tuple[float, float]:
-        """Standard deviations of the noise of current and force between reversal points, A and N."""
+        """Standard deviations of the noise of current and force between reversals, A and N."""
         noises = [
             (estimate_noise(loop.input[start:end]), estimate_noise(loop.output[start:end]))
             for loop in self.loops.loops
@@ -117,18 +117,18 @@ def evaluate_loops(loops: Loops) -> MeasuredMagnet:
     current_high = min(max(float(loop.input.max()) for loop in group) for group in groups.values())
     current_high = round_nearest(current_high, 3)  # readings are noisy
     if not current_high > 0.0:
-        text = "at one gap no current above 0 A was measured; turn the sign of the current"
+        text = "at one gap no current above 0 A was measured; invert the sign of the current"
         raise InputError(text, code="current-negative")
     forces = np.array([_force_at_top(group, current_high) for group in groups.values()])
     if not forces.min() > 0.0:
-        text = "the largest current does not pull at every gap; turn the sign of the force"
+        text = "the largest current does not pull at every gap; invert the sign of the force"
         raise InputError(text, code="force-negative")
     gaps = np.array(list(groups), dtype=np.float64)
     return MeasuredMagnet(loops, gaps, current_high, forces, fastest)
 
 
 def _fastest_rate(loops: Loops) -> tuple[float, float] | None:
-    """Return the rates of the fastest loops, Hz and A/s; None if the rate does not matter."""
+    """Return the rates of the fastest loops, Hz and A/s, or None if the rate does not matter."""
     speeds = group_by_speed(loops)
     if speeds is None or find_rate_effect(loops, speeds) is None:
         return None
@@ -227,8 +227,8 @@ def _choose_gap(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue
     low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
     if magnet.gaps.size < 2:
         raise InputError(
-            f"loops at one gap only, {low:g} m: a bearing moves; measure loops at a smaller and a "
-            "larger one",
+            f"loops at one gap only, {low:g} m, but a bearing moves; measure loops at a smaller and "
+            "a larger one",
             code="single-gap",
         )
     if request.gap is None:
@@ -241,8 +241,8 @@ def _choose_gap(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValue
             if low < gap * float(f"1{exponent}") < high
         ]
         raise InputError(
-            f"gap: {gap:g} m is not well within the measured gaps of {low:g} to {high:g} m, which "
-            f"are the stops; give one from {low + clearance:g} to {high - clearance:g} m{''.join(hints)}",
+            f"gap: {gap:g} m is too near the stops, which are the ends of the measured gaps of "
+            f"{low:g} to {high:g} m; give one from {low + clearance:g} to {high - clearance:g} m{''.join(hints)}",
             code="gaps-not-covered",
             key="gap",
         )
@@ -268,7 +268,7 @@ def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValu
         raise InputError(
             f"load: {load.number:g} N cannot be lifted at a gap of {weakest_gap:g} m: there the "
             f"loops reach {weakest_force:.4g} N at {magnet.current_high:.4g} A, and {MIN_LIFT_RATIO:g} times the "
-            f"load, {load.number * MIN_LIFT_RATIO:.4g} N, are needed; lower it, or give loops of larger "
+            f"load, {load.number * MIN_LIFT_RATIO:.4g} N, are needed; reduce it, or give loops with larger "
             f"currents or smaller gaps{origin}",
             code="load-too-large",
             key="load",

@@ -78,12 +78,10 @@ class FittedStack:
         if not self.has_times:
             return "the loops have no times"
         if not self.creep_times:
-            return "the loops show none: with it they are missed by hardly less"
+            return "the loops show none: it barely reduces the residual"
         shares = zip(self.creep_shares, self.creep_times, strict=True)
         listed = ", ".join(f"{100 * share:.2g} % in {time:.2g} s" for share, time in shares)
-        return (
-            f"{listed}; without that they would be missed by {1e6 * self.rms_without_creep:.3g} um"
-        )
+        return f"{listed}; without creep the residual is {1e6 * self.rms_without_creep:.3g} um"
 
 
 def fit_stack(loopset: Loops) -> FittedStack:
@@ -100,10 +98,10 @@ def fit_stack(loopset: Loops) -> FittedStack:
     stroke, bend, slope, _ = best.weights * problem.stroke
     is_poor = best.rms > MAX_RESIDUAL_RATIO * problem.stroke or not stroke
     if is_poor or not slope:
-        reason = "are followed by no stack" if is_poor else "show no hysteresis"
+        reason = "are not those of a stack" if is_poor else "show no hysteresis"
         raise InputError(
-            f"the loops {reason}: the law of Bouc and Wen misses {100 * best.rms / problem.stroke:.2g} "
-            "% of the stroke; look at them with anhyst inspect",
+            f"the loops {reason}: the residual of the Bouc-Wen model is "
+            f"{100 * best.rms / problem.stroke:.2g} % of the stroke; check them with anhyst inspect",
             code="no-piezo",
         )
     span, low = problem.span, problem.low / problem.span
@@ -156,11 +154,11 @@ class _FitProblem:
         self.high = max(float(loop.input.max()) for loop in self.loops)
         self.stroke = max(float(np.ptp(loop.output)) for loop in self.loops)
         if not (self.high > 0.0 and self.stroke > 0.0):
-            text = "no voltage above 0 V moves it; turn the sign of the voltage"
+            text = "no voltage above 0 V moves it; invert the sign of the voltage"
             raise InputError(text, code="voltage-negative")
         if any(correlation(loop.input, loop.output) < 0.0 for loop in self.loops):
             raise InputError(
-                "the displacement falls as the voltage rises; flip the sign of one of the columns",
+                "the displacement falls as the voltage rises; invert the sign of one column",
                 code="output-falls",
             )
         self.span = self.high - self.low

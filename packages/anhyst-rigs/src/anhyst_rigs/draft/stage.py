@@ -33,13 +33,13 @@ def draft_stage(magnet: MeasuredMagnet, source: dict[str, Any], request: Machine
     low, high = float(magnet.gaps[0]), float(magnet.gaps[-1])
     if not 0.0 < low < high:
         raise InputError(
-            f"a stage moves between gaps: loops at two at least, above 0 m, are needed; there are "
-            f"some at {low:g} m alone",
+            f"a stage moves between gaps and needs loops at two gaps above 0 m; there are only "
+            f"loops at {low:g} m",
             code="single-gap",
         )
     middle_gap = 0.5 * (low + high)
     if request.gap is not None and not low < request.gap < high:
-        text = f"gap: {request.gap:g} m is not between the measured ones, {low:g} and {high:g} m"
+        text = f"gap: {request.gap:g} m is not between the measured gaps of {low:g} and {high:g} m"
         raise InputError(text, code="gaps-not-covered", key="gap")
     gap = (
         GuessedValue(middle_gap, "the middle of the gaps")
@@ -50,7 +50,7 @@ def draft_stage(magnet: MeasuredMagnet, source: dict[str, Any], request: Machine
     mass = (
         GuessedValue(
             round_nearest(ACCELERATING_FORCE_RATIO * force / PEAK_M_PER_S2),
-            f"takes the force at {PEAK_M_PER_S2:g} m/s^2",
+            f"needs the force at {PEAK_M_PER_S2:g} m/s^2",
         )
         if request.mass is None
         else GuessedValue(request.mass, "")

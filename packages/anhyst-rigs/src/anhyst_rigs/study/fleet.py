@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MIN_MAGNETS_FOR_SPREAD = 3
-"""Smallest number of magnets for which a scatter is stated."""
+"""Smallest number of magnets that have a stated scatter."""
 TABLE_FILE = "fleet.csv"
 """Name of the table with one row for each magnet."""
 FIGURES_FILE = "fleet.json"
@@ -88,8 +88,8 @@ class Fleet(Result):
         if len(histories) == 1:
             return ()
         return (
-            "what happened before the loops was taken differently from magnet to magnet, which "
-            "moves their parameters; state it with --history, or in sidecar files",
+            "the history before the loops differs between magnets, which changes their parameters; "
+            "state it with --history, or in sidecar files",
         )
 
     @property
@@ -101,7 +101,7 @@ class Fleet(Result):
 
     @property
     def is_good(self) -> list[bool]:
-        """Whether each evaluated magnet is within the tolerance with its own verified controller."""
+        """Whether each evaluated magnet is within the tolerance with its verified controller."""
         limit = 0.01 * self.settings.tolerance
         return [
             bool(magnet["verified"] and magnet["passed_acceptance"] and error <= limit)
@@ -128,7 +128,7 @@ class Fleet(Result):
         """Return the number of good magnets, with their own and with the common model."""
         count = len(self.results)
         return {
-            "magnets": f"{count}, {len(self.failed)} could not be judged",
+            "magnets": f"{count}, {len(self.failed)} could not be evaluated",
             "law": f"{self.settings.law}, gap map {self.settings.gap_map}",
             "good, each with its own controller": f"{sum(self.is_good)} of {count}",
             f"good, all with the model of '{self.typical}'": f"{sum(self.is_good_shared)} of {count}",
@@ -221,9 +221,9 @@ class Fleet(Result):
             100.0 * np.array(self.shared_errors)[order],
             "o",
             ms=4,
-            label="one model for all",
+            label="common model",
         )
-        ax.plot(positions, 100.0 * self.own_errors[order], "o", ms=4, label="each its own")
+        ax.plot(positions, 100.0 * self.own_errors[order], "o", ms=4, label="own model")
         ax.axhline(self.settings.tolerance, color="0.4", lw=0.9, ls="--", label="tolerance")
         ax.set_xlabel("magnets, by their own error")
         ax.set_ylabel("rms deviation [% of the largest output]")
@@ -246,7 +246,7 @@ def fleet(
     out_folder = Path(out)
     if Path(folder).resolve() in {out_folder.resolve(), out_folder.resolve().parent}:
         raise InputError(
-            f"{out}: lies where magnets are looked for; write to another folder",
+            f"{out}: is in the folder of the magnets; write to another folder",
             code="out-among-inputs",
         )
     out_folder.mkdir(parents=True, exist_ok=True)
@@ -257,7 +257,7 @@ def fleet(
     results = map_ordered(evaluate_magnet, tasks, progress, jobs)
     if all("error" in result for result in results):
         raise NegativeResult(
-            f"none of {len(members)} magnets could be judged; the first: {results[0]['error']}",
+            f"none of {len(members)} magnets could be evaluated; the first: {results[0]['error']}",
             code="no-magnet-judged",
         )
     result = _compare_magnets(members, results, choice.settings, out_folder, jobs)

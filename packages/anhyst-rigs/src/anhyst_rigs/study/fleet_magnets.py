@@ -1,7 +1,7 @@
 """Process the magnets of a fleet one by one: find, identify, compile and verify them.
 
-The law and the gap map of all magnets are those that most of the first ones choose, unless they are
-given. Results are stored for each magnet with a hash of its inputs, so that an interrupted run can
+By default, all magnets get the law and the gap map that the majority of the first ones selects.
+Results are stored for each magnet with a hash of its inputs, so that an interrupted run can
 continue.
 """
 
@@ -60,7 +60,7 @@ def find_members(folder: PathLike) -> list[Member]:
     root = Path(folder)
     if not root.is_dir():
         raise InputError(
-            f"{root}: is no folder; name one that holds a file or folder a magnet",
+            f"{root}: is not a folder; give one with a file or folder for each magnet",
             code="no-such-folder",
         )
     members = [
@@ -70,7 +70,7 @@ def find_members(folder: PathLike) -> list[Member]:
     ]
     if not members:
         raise InputError(
-            f"{root}: holds no {', '.join(FORMATS)} file and no folder of them", code="no-files"
+            f"{root}: contains no {', '.join(FORMATS)} file and no folder of them", code="no-files"
         )
     names: set[str] = set()
     for member in members:
@@ -144,7 +144,7 @@ def evaluate_magnet(task: FleetTask) -> dict[str, Any]:
     except (InputError, NegativeResult) as error:
         outcome = {"error": str(error)}
     except Exception as fault:
-        outcome = {"error": f"a fault of anhyst: {type(fault).__name__}: {fault}"}
+        outcome = {"error": f"internal error of anhyst: {type(fault).__name__}: {fault}"}
     result = {"name": task.member.name, **outcome, "made_from": made_from}
     task.folder.mkdir(parents=True, exist_ok=True)
     write_json(task.folder / RESULT_FILE, result)
@@ -247,7 +247,7 @@ class FleetChoice:
 def choose_law(
     members: Sequence[Member], settings: FleetSettings, out: Path, jobs: int | None
 ) -> FleetChoice:
-    """Select the law and the gap map that most of the first identifiable magnets choose.
+    """Select the law and the gap map of the majority of the first identifiable magnets.
 
     If none can be identified, the settings are unchanged, and each magnet reports its own error.
     """
@@ -301,7 +301,7 @@ def _identify_pilot(task: FleetTask) -> IdentifyResult | None:
 
 
 def _choice_inputs(pilots: Sequence[Member], settings: FleetSettings) -> dict[str, Any]:
-    """Return everything on which a decision depends; unreadable files have no hash."""
+    """Return all inputs of a decision; the hash of an unreadable file is empty."""
     digests = dict.fromkeys((member.name for member in pilots), "")
     for member in pilots:
         with suppress(InputError):

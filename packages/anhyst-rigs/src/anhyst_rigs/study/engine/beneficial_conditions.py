@@ -8,18 +8,17 @@ from types import MappingProxyType
 BENEFICIAL_CONDITIONS: Mapping[str, str] = MappingProxyType(
     {
         # a bearing moves in steps under position feedback
-        "feedback": "it would pay where feedback does not hide what the force is off: a stage that "
-        "follows set-points with feedforward, a force without a sensor, or iron that hardly "
-        "answers after a reversal",
+        "feedback": "it would pay if feedback did not hide the force error: on a stage that follows "
+        "set-points with feedforward, for a force without a sensor, or on iron that responds "
+        "little after a reversal",
         # a force is controlled without a force sensor
-        "force": "it would pay where the gap stands still or moves little: there the iron makes the "
-        "error, and not the map over the gap",
+        "force": "it would pay at a constant gap, where the iron causes the error and not the gap map",
         # a stage follows set-points with feedforward
-        "stage": "it would pay where set-points change and move the mass, the calibration holds, and "
-        "the iron keeps its turning points",
+        "stage": "it would pay with set-points that change and move the mass, a right calibration, and "
+        "iron with return-point memory",
         # a piezo stage follows a reference under integral feedback
         "piezo": "it would pay with a faster reference or a slower feedback, which then cannot "
-        "follow the loop",
+        "compensate the loop",
     }
 )
 """Sentence for each situation; the figures are in docs/choosing.md, "Does it pay?"."""

@@ -70,8 +70,8 @@ class Plants:
     methods: tuple[MethodName, ...]
     own_method: MethodName  # method that is compared with all others
     figures: tuple[PlantFigure, ...]
-    input_files: tuple[Path, ...]  # files on which results depend
-    setting_texts: Mapping[str, str]  # further settings on which results depend
+    input_files: tuple[Path, ...]  # files that affect the results
+    setting_texts: Mapping[str, str]  # further settings that affect the results
     seed: int  # seed of all plants
     beneficial_condition: str  # sentence for plants on which compensation is not beneficial
     # name of the single case in a benefit map; "": one case for each stage of the trials
@@ -82,7 +82,7 @@ class Plants:
         return sample_plant(self.file, self.seed, number)
 
     def header(self) -> dict[str, Any]:
-        """Return everything on which results depend."""
+        """Return all inputs of the results."""
         return {
             "format": "anhyst-montecarlo",
             "version": 2,
@@ -175,10 +175,10 @@ class MonteCarlo(StudyResult):
         own = self.plants.own_method
         if self.lost_count(own):
             return Judgement(
-                "unknown", f"'{own}' lost {self.lost_count(own)} of {len(self.drifts)}"
+                "unknown", f"'{own}' lost {self.lost_count(own)} of {len(self.drifts)} plants"
             )
         if len(self.drifts) < 2:
-            return Judgement("unknown", "one plant says nothing of others; run more")
+            return Judgement("unknown", "one plant is not sufficient; run more")
         compared = [
             comparison
             for figure in self.plants.figures
@@ -301,8 +301,8 @@ def monte_carlo(
         except KeyboardInterrupt:
             done_count = sum(number in results.done for number in range(count))
             raise Interrupted(
-                f"{done_count} of {count} plants are kept in {results.path}; the same command goes on "
-                "from there"
+                f"{done_count} of {count} plants are stored in {results.path}; the same command "
+                "continues from there"
             ) from None
         rows = [results.done[number]["variants"] for number in range(count)]
     return MonteCarlo(
@@ -351,12 +351,12 @@ def _faults(row: Mapping[str, Any], plants: Plants) -> Iterator[str]:
         if not isinstance(run, dict):
             yield f"{where}: is missing"
         if not _is_valid_value(run.get("lost_s", math.nan)):
-            yield f"{where}.lost_s: must be null or when the loop was lost"
+            yield f"{where}.lost_s: must be null or the time of the loss of the loop"
         for figure in plants.figures if run["lost_s"] is None else ():
             entry = run.get(figure.key, math.nan)
             values = entry if figure.cases else [entry]
             if not isinstance(values, list) or len(values) != len(figure.case_names):
-                yield f"{where}.{figure.key}: must have {len(figure.case_names)} values, one a case"
+                yield f"{where}.{figure.key}: must have {len(figure.case_names)} values, one for each case"
             for index, value in enumerate(values):
                 if not _is_valid_value(value):
                     key = f"{figure.key}.{index}" if figure.cases else figure.key

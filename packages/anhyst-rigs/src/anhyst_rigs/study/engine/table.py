@@ -125,7 +125,7 @@ class ComparedFigure:
 
     @property
     def ratio(self) -> float:
-        """Figure of the model over that of the baseline; nan if both are zero."""
+        """Figure of the model over that of the baseline, or nan if both are zero."""
         if self.baseline_value != 0.0:
             return self.model_value / self.baseline_value
         return math.nan if self.model_value == 0.0 else math.inf
@@ -134,13 +134,13 @@ class ComparedFigure:
 def compare(
     title: str, baseline: str, model_value: Interval, baseline_value: Interval, floor: float = 0.0
 ) -> ComparedFigure:
-    """Compare two means; differences below a floor or within the noise of both are not significant."""
+    """Compare two means; differences below a floor or within the noise do not count."""
     uncertainty = max(floor, math.hypot(model_value.half_width, baseline_value.half_width))
     return ComparedFigure(title, baseline, model_value.mean, baseline_value.mean, uncertainty)
 
 
 def strongest_baseline(figures: Mapping[MethodName, Interval]) -> MethodName | None:
-    """Return the baseline with the smallest mean; None if none has a mean."""
+    """Return the baseline with the smallest mean, or None if none has a mean."""
     names = [
         name
         for name, interval in figures.items()
@@ -181,7 +181,7 @@ def judge_comparisons(model: str, comparisons: Sequence[ComparedFigure], noun: s
         if not math.isnan(comparison.ratio) or comparison.baseline_value == comparison.model_value
     ]
     if not comparable:
-        return Judgement("unknown", f"{model} was compared with nothing")
+        return Judgement("unknown", f"{model} has no baseline to compare with")
     better = [comparison for comparison in comparable if comparison.is_better]
     worse = [comparison for comparison in comparable if comparison.is_worse]
     level: Level = "no" if not better else "mixed" if worse else "yes"
@@ -266,7 +266,7 @@ class CaseFigures:
         return cls(figures=figures, lost=len(runs) - len(completed), runs=len(runs), **extra_fields)
 
     def interval(self, key: str) -> Interval:
-        """Return a figure; without a mean if any run lost the loop."""
+        """Return a figure, without a mean if any run lost the loop."""
         return self.figures.get(key) or lost_interval(self.lost, self.runs)
 
     def as_dict(self) -> dict[str, Any]:
@@ -295,7 +295,7 @@ class StudyResult(Result):
     @property
     @abstractmethod
     def lost_in(self) -> list[str]:
-        """Runs in which the loop was lost."""
+        """Runs that lost the loop."""
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult if the loop was lost."""

@@ -161,7 +161,7 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
 
 
 def _demanded_force_rate(file: RigFile) -> float:
-    """Return the fastest change of the force that a set-point demands, N/s; 0 without a set-point."""
+    """Return the fastest change of the force that a set-point demands, N/s; 0 if there is none."""
     scan = next((case for case in file.cases if isinstance(case, ScanCase)), None)
     if scan is None:
         return 0.0
@@ -373,7 +373,7 @@ def can_demagnetise(specimen: Specimen, peak: float) -> bool:
 
 
 def current_step(specimen: Specimen) -> float:
-    """Return the change of current between samples, A, at the nominal or the largest allowed rate."""
+    """Return the change of current between samples, A, at the nominal or the largest rate."""
     return min(specimen.sweep_rate, specimen.max_rate.value) * specimen.sample_s
 
 

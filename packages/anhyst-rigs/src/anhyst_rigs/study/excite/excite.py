@@ -145,7 +145,7 @@ class DriveHistory:
     time: FloatArray  # s
     current: FloatArray  # A
     gap: FloatArray  # m
-    # warmth of the winding, 1 at the largest continuous current; nan if unknown
+    # warmth of the winding, 1 at the largest continuous current, or nan if unknown
     warmth: FloatArray
 
 
@@ -353,7 +353,7 @@ def evaluate_probe(
     if driven.size < 3:
         raise InputError(
             f"{specimen.max_force.key}: at {1e3 * gap:g} mm {specimen.max_force.value:g} N are reached at "
-            f"{driven[-1]:.3g} A; there is no room for a loop",
+            f"{driven[-1]:.3g} A, which is too small for a loop; raise the limit",
             code="force-limit-too-low",
             key=specimen.max_force.key,
         )
@@ -398,8 +398,8 @@ def _record_loop(
     if above.size:
         raise InputError(
             f"{specimen.max_force.key}: {label} reads {force[above[0]]:.4g} N at "
-            f"{current[above[0]]:.4g} A, more than {specimen.max_force.value:g} N and more than the "
-            "first rise at this gap showed; lower excite.current_max_A",
+            f"{current[above[0]]:.4g} A, more than {specimen.max_force.value:g} N, although the "
+            "probe at this gap stayed below; lower excite.current_max_A",
             code="force-above-limit",
             key=specimen.max_force.key,
         )
@@ -412,10 +412,10 @@ def check_operating_force(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
         return
     best = max(probed_gaps, key=lambda place: place.largest_force)
     raise InputError(
-        f"{specimen.operating_force.key}: inner loops are wanted about {specimen.operating_force.value:g} N, "
-        f"and at no gap is that between {100 * OPERATING_RANGE[0]:.0f} and {100 * OPERATING_RANGE[1]:.0f} % of the "
+        f"{specimen.operating_force.key}: minor loops are required about {specimen.operating_force.value:g} N, "
+        f"but at no gap is that between {100 * OPERATING_RANGE[0]:.0f} and {100 * OPERATING_RANGE[1]:.0f} % of the "
         f"largest current; {best.peak.key} leaves {best.peak.value:.3g} A and {best.largest_force:.4g} N at "
-        f"{1e3 * best.gap:g} mm; give excite.operating_N, or raise that limit",
+        f"{1e3 * best.gap:g} mm; set excite.operating_N, or raise that limit",
         code="operating-force-not-reached",
         key=specimen.operating_force.key,
     )
@@ -439,7 +439,7 @@ def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
             )
         if not place.is_force_reached:
             notes.append(
-                f"{prefix}inner loops about {place.operating_current:.4g} {unit}, which does not give the "
+                f"{prefix}minor loops about {place.operating_current:.4g} {unit}, which does not give the "
                 f"{specimen.operating_force.value:.4g} {answer} of {specimen.operating_force.key}"
             )
     if not all(can_demagnetise(specimen, place.peak.value) for place in probed_gaps):
@@ -456,14 +456,14 @@ def describe_restrictions(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) 
     required_rate = FAST_RATE_MARGIN * max(place.required_rate for place in probed_gaps)
     if specimen.fast_rates and required_rate > max(fast_cycle_rates(specimen)):
         notes.append(
-            f"the set-point asks for {required_rate / FAST_RATE_MARGIN:.3g} A/s at the operating point, and "
-            f"cycles of {required_rate:.3g} A/s would show what solid iron does there "
+            f"the set-point needs {required_rate / FAST_RATE_MARGIN:.3g} A/s at the operating point, and "
+            f"cycles of {required_rate:.3g} A/s would show its eddy currents there "
             "(measurement.fast_A_per_s)"
         )
     if specimen.gaps and specimen.winding is None:
         notes.append(
-            "the rig file does not say what the winding stands (excite.continuous_A, thermal_s): "
-            "its temperature is not looked at"
+            "the rig file states no limits of the winding (excite.continuous_A, thermal_s): "
+            "its temperature is not monitored"
         )
     return notes
 
@@ -481,13 +481,13 @@ def excite(
     file = Path(out)
     if file.suffix.lower() != ".csv":
         raise InputError(
-            f"{file}: loops are written as .csv; change the ending", code="wrong-ending"
+            f"{file}: loops are written as .csv; change the extension", code="wrong-ending"
         )
     source = read_specimen(rig)
     if measure is not None and not source.specimen.gaps:
         raise InputError(
-            "--xcp and --port measure through a controller of force, which a piezo stage has none "
-            "of; leave them and --folder out",
+            "--xcp and --port need a force controller, which a piezo stage does not "
+            "have; omit them and --folder",
             code="option-not-for-this",
             key="--xcp",
         )
@@ -496,7 +496,7 @@ def excite(
         check_writable(path, input_files=source.input_files)
     if sidecar.exists() and not is_sidecar(sidecar):
         raise InputError(
-            f"{sidecar}: is no description of loops; write to another file", code="not-a-sidecar"
+            f"{sidecar}: is not a sidecar of loops; write to another file", code="not-a-sidecar"
         )
     try:
         measured = (measure or source.measure)(source.specimen, progress)

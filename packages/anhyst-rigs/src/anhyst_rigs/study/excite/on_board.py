@@ -144,9 +144,11 @@ class BoardDrive:
         names = [signal.name for signal in bench.signals]
         missing = [name for name in _REQUIRED_SIGNALS if name not in names]
         if bench.demand_range.unit != "N" or missing:
-            reason = f"says no {', '.join(missing)}" if missing else "controls no force"
+            reason = (
+                f"has no signal {', '.join(missing)}" if missing else "does not control a force"
+            )
             raise InputError(
-                f"measure: the controller {reason}; loops need one that controls a force",
+                f"measure: the controller {reason}; measure with a force controller",
                 code="controller-without-force",
                 key="measure",
             )
@@ -173,7 +175,7 @@ class BoardDrive:
         if abs(nearest_gap - gap_read) > _GAP_TOLERANCE_RATIO * max(self._specimen.gaps):
             gaps = ", ".join(f"{1e3 * gap:g}" for gap in self._specimen.gaps)
             raise InputError(
-                f"measure: the armature stands at {1e3 * gap_read:.4g} mm; hold it at a gap of the rig "
+                f"measure: the armature is at {1e3 * gap_read:.4g} mm; hold it at a gap of the rig "
                 f"file: {gaps} mm",
                 code="gap-not-of-rig",
                 key="measure",
@@ -218,7 +220,7 @@ class BoardDrive:
         while self._is_driving(parts[-1][-1:], force).any():
             if self._elapsed_s() > end:
                 raise InputError(
-                    f"measure: the controller does not go to a demand of {force:g} N",
+                    f"measure: the controller does not reach a demand of {force:g} N",
                     code="demand-not-reached",
                     key="measure",
                 )
@@ -329,7 +331,7 @@ class BoardDrive:
             if state is State.FAULT or time.monotonic() > end:
                 raise InputError(
                     f"measure: the controller is in the state {state.name.lower()}, not "
-                    f"{goal.name.lower()}; see why, and clear its fault",
+                    f"{goal.name.lower()}; find the cause, and clear its fault",
                     code="wrong-state",
                     key="measure",
                 )

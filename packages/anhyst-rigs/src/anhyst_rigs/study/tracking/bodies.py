@@ -165,7 +165,7 @@ class StageMotion(Motion):
 
     @cached_property
     def compared_indices(self) -> NDArray[np.intp]:
-        """Indices of the samples that are compared: all coordinates at ticks with a large demand."""
+        """Indices of compared samples: all coordinates at ticks with a large demand."""
         interval_ticks = max(1, round(1.0 / (COMPARISON_RATE_HZ * self.rig.dt)))
         min_demand_N = MIN_DEMAND_RATIO * self.rig.settings.tracking.force_max_N
         demand_N = np.linalg.norm(
@@ -231,7 +231,7 @@ class StageLaw(MotionLaw):
         return () if self.optional_columns and has_probes else FLUX_PROBE_METHODS
 
     def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
-        """Return the fault that a recording begins in motion, so that the iron's state is unknown."""
+        """Return a fault if a recording begins in motion, so that its hysteresis state is unknown."""
         file, pose_names = self.rig.settings, pose_columns(self.rig.settings.body.free)
         position_names = [name for name in pose_names if name.endswith("_m")] or pose_names
         position = np.column_stack([columns[name] for name in position_names])
@@ -255,14 +255,14 @@ class StageLaw(MotionLaw):
         return ColumnFault("begins in motion", position_names[0]) if is_moving else None
 
     def find_wrong_sign(self, motion: Motion) -> ColumnFault | None:
-        """Return the fault that the demand has the opposite sign of the motion, otherwise None."""
+        """Return a fault if the demand has the opposite sign of the motion, otherwise None."""
         assert isinstance(motion, StageMotion)
         correlation = float(
             motion.measured_force[motion.compared_indices]
             @ motion.demanded_force[motion.compared_indices]
         )
         demand_column = demand_columns(self.rig.settings.body.free)[0]
-        text = f"the body goes against {demand_column}; turn the sign of every demanded force and moment"
+        text = f"the body moves against {demand_column}; invert the sign of every demanded force and moment"
         return ColumnFault(text, demand_column) if correlation < 0.0 else None
 
     def make_motion(
@@ -297,7 +297,7 @@ class StageLaw(MotionLaw):
     def _magnet_force(
         self, motion: StageMotion, number: int, values: Mapping[ParameterName, float]
     ) -> FloatArray:
-        """Return the filtered force components of one magnet along a motion, N; results are cached."""
+        """Return the filtered force components of a magnet along a motion, N; results are cached."""
         scale = 1.0 + values.get(f"scale_{number}", 0.0)
         gap_zero = values.get(f"gap_zero_{number}_m", 0.0)
         width = round_to_grid("width", values.get(f"width_{number}", 0.0))
@@ -386,7 +386,7 @@ class BearingMotion(Motion):
 
     @property
     def force_rms(self) -> float:
-        """Force to which the residual is related, rms, N; for a pair including both bias forces."""
+        """Reference force of relative residuals, rms, N; for a pair including both bias forces."""
         return math.hypot(super().force_rms, math.sqrt(2.0) * (self.rig.settings.bias_N or 0.0))
 
     @cached_property
@@ -396,14 +396,14 @@ class BearingMotion(Motion):
 
     @property
     def force_noise(self) -> float:
-        """Standard deviation of the measured force from noise and resolution of the gap sensor, N."""
+        """Standard deviation of the measured force from noise and resolution of the sensor, N."""
         sensor = self.rig.settings.gap_sensor
         gap_noise = math.hypot(sensor.noise_m, sensor.resolution / math.sqrt(12.0))
         return self.rig.settings.body.mass_kg * gap_noise * self.noise_gain
 
     @cached_property
     def compared_indices(self) -> NDArray[np.intp]:
-        """Indices of the ticks that are compared: the armature levitates and its reference moves."""
+        """Indices of compared ticks: the armature levitates and its reference moves."""
         file, reference = self.rig.settings, self.columns["reference_m"]
         state = np.rint(self.columns["state"])
         if "phase" in self.columns:
@@ -468,12 +468,12 @@ class BearingLaw(MotionLaw):
         return {"is_load_recorded": all("load_N" in one.columns for one in motions)}
 
     def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
-        """Return the fault that a recording begins while a current flows, otherwise None."""
+        """Return a fault if a recording begins while a current flows, otherwise None."""
         has_current = columns["command_A"][0] > 0.0
         return ColumnFault("begins while a current flows", "command_A") if has_current else None
 
     def prior_sigma(self, name: ParameterName) -> float:
-        """Return the standard deviation that the rig file states for a parameter."""
+        """Return the prior standard deviation of a parameter, from the rig file."""
         if name.startswith("scale"):
             return 0.01 * self.rig.settings.spread.sensor_gain_percent
         if name == "bias_N":

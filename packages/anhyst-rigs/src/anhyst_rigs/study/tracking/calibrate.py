@@ -45,8 +45,8 @@ MIN_ROWS = 100
 MAX_READING = 1e30
 """Largest absolute value of a reading, SI units; larger values are invalid."""
 FILE_HEADER = """\
-# What motion taught of the magnets of a rig. Written by anhyst calibrate; a rig file names it as
-# control.calibration. Values are parts, or carry their unit; the scale of force is the mass."""
+# Calibration of the magnets of a rig from motion, written by anhyst calibrate. A rig file names it
+# as control.calibration. Values are ratios or have units in their names; the mass scales forces."""
 
 
 def _read_columns(law: MotionLaw, path: PathLike) -> dict[str, FloatArray]:
@@ -62,8 +62,8 @@ def _read_columns(law: MotionLaw, path: PathLike) -> dict[str, FloatArray]:
         header = table.headers[table.names.index(quantity.name)]
         if header.quantity is not None and header.quantity.unit != quantity.unit:
             raise InputError(
-                f"{path}: column '{header.text}' is in {header.quantity.unit or 'no unit'}, and "
-                f"{quantity.unit} is needed; name it {name}",
+                f"{path}: column '{header.text}' is in {header.quantity.unit or 'no unit'}, but "
+                f"{quantity.unit} is needed; record {name}",
                 code="unit-of-another-kind",
                 key=header.text,
             )
@@ -83,7 +83,7 @@ def _make_motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
             raise InputError(text, code="column-missing", key=name)
     for name in (*law.required_columns, *law.optional_columns):
         if not (np.abs(columns.get(name, 0.0)) < MAX_READING).all():
-            text = f"{source}: {name} holds what is no number; leave out what comes before it"
+            text = f"{source}: {name} contains invalid values; begin the recording after them"
             raise InputError(text, code="not-finite", key=name)
     _check_ticks(law.rig, source, columns["t_s"])
     if start_fault := law.find_motion_at_start(columns):
@@ -98,18 +98,17 @@ def _make_motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
 def _check_ticks(rig: BodyRig, source: str, time: FloatArray) -> None:
     """Reject a recording that is too short, has another rate, or lacks ticks."""
     if time.size < MIN_ROWS:
-        text = (
-            f"{source}: has {time.size} rows, and {MIN_ROWS} are the least; record a whole motion"
-        )
+        text = f"{source}: has {time.size} rows, but at least {MIN_ROWS} are needed; record a whole motion"
         raise InputError(text, code="too-short", key="t_s")
     duration_s = float(time[-1] - time[0])
     rate = (time.size - 1) / duration_s if duration_s else math.inf
     steps = np.diff(time) / rig.dt
     if abs(rate * rig.dt - 1.0) > 1e-3 and abs(float(np.median(steps)) - 1.0) > 1e-3:
-        text = f"{source}: has {rate:g} rows a second, {rig.path} {1.0 / rig.dt:g} ticks; record"
-        raise InputError(f"{text} every tick", code="rate-differs", key="t_s")
+        text = f"{source}: has {rate:g} rows a second, but {rig.path} has {1.0 / rig.dt:g} ticks"
+        raise InputError(f"{text}; record every tick", code="rate-differs", key="t_s")
     if (irregular_rows := np.flatnonzero(np.abs(steps - 1.0) > 0.5)).size:
-        text = f"{source}: row {irregular_rows[0] + 2} comes {steps[irregular_rows[0]]:.3g} ticks after the one before"
+        first = irregular_rows[0]
+        text = f"{source}: row {first + 2} is {steps[first]:.3g} ticks after the previous row"
         raise InputError(f"{text}; record every tick once", code="ticks-missing", key="t_s")
 
 
@@ -156,7 +155,7 @@ class Calibration(Result):
                 fmt="o",
                 label=one.name,
             )
-        ax.set_ylabel("learnt, of the standard deviation before")
+        ax.set_ylabel("estimate over prior standard deviation")
 
     def save(self, path: PathLike) -> Path:
         """Write the file that a rig names as ``control.calibration``.
@@ -259,7 +258,7 @@ def calibrate(
     motions = [_make_motion(make_law("full"), one) for one in sources]
     if not sources or len({one.columns["command_A"].tobytes() for one in motions}) < len(sources):
         raise InputError(
-            "RUNS: name at least one recording, and each once; the same one teaches nothing new",
+            "RUNS: give at least one recording, and each only once",
             code="recordings-not-once",
             key="RUNS",
         )
@@ -271,7 +270,8 @@ def calibrate(
     possible = [name for name in CALIBRATABLE_METHODS if name not in excluded]
     for name in methods:
         if name not in possible:
-            text = f"methods: '{name}' cannot be calibrated of this; name {', '.join(possible)}"
+            text = f"methods: '{name}' cannot be calibrated with these recordings; choose from "
+            text += ", ".join(possible)
             raise InputError(text, code="no-such-method", key="methods")
     file_content = CalibrationFile(
         format="anhyst-calibration",

@@ -109,24 +109,28 @@ def _refuse_uncompilable(rig: BodyRig, io: Io, rate: float | None) -> None:
     """Reject options and settings that cannot be compiled or contradict the rig file."""
     if io == "q15" or (io == "q31" and rig.settings.tracking.format != "fixed"):
         raise InputError(
-            f"--io: {io} is not for this stage; give f32, or q31 where control.format of the rig "
-            'file is "fixed": it says in what its magnets reckon',
+            f"--io: {io} does not suit this stage; give f32, or q31 if control.format of the rig "
+            'file is "fixed"',
             code="option-not-for-this",
             key="--io",
         )
     control, own = rig.settings.tracking, rig.settings.timing.rate_Hz
     if io == "q31" and control.calibration is not None:
-        text = "control.calibration: fixed point corrects no magnet; compile with --io f32"
+        text = (
+            "control.calibration: fixed point does not support corrections; compile with --io f32"
+        )
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="control.calibration")
     if rate is not None and rate != own:
         text = f"timing.rate_Hz: is {own:g} Hz here and {rate:g} Hz in --rate; make them equal"
         raise InputError(f"{rig.path}: {text}", code="option-differs", key="timing.rate_Hz")
     if rig.settings.has_ground_heads:
-        text = "sensor.stands: a compiled controller has no heads on the ground; leave it out"
+        text = (
+            "sensor.stands: a compiled controller does not support heads on the ground; remove it"
+        )
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="sensor.stands")
     if control.calibrate:
-        text = "control.calibrate: a compiled controller does not learn; name what anhyst calibrate"
-        text += " found as control.calibration"
+        text = "control.calibrate: a compiled controller cannot calibrate itself; name the file of"
+        text += " anhyst calibrate as control.calibration"
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="control.calibrate")
 
 
@@ -224,7 +228,7 @@ def _simulate_inputs(setup: StageSetup) -> FloatArray:
     )
     target, run = scenario.target, SimulatedLoop(setup).run(scenario)
     if loss := find_stage_loss(rig, run, rows):
-        text = f"{rig.path}: the stage is lost in flight: {loss.reason}; correct it"
+        text = f"{rig.path}: the loop is lost in the simulated flight: {loss.reason}; check it"
         raise NegativeResult(f"{text} with anhyst simulate", code="lost")
     magnets, heads = len(file.body_magnets), len(file.position_sensors)
     read = [run[column_name("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]

@@ -65,7 +65,7 @@ MIN_MASS_CHANGE = 0.01
 """Smallest relative change of mass that is reported. Errors of the scales can explain a smaller
 one."""
 TRAINING_SCANS = 4
-"""Number of training scans with which a running stage calibrates itself before it is evaluated."""
+"""Number of training scans for the calibration of a running stage before its evaluation."""
 
 
 @dataclass(frozen=True)
@@ -342,7 +342,7 @@ class ParameterEstimator:
         )
 
     def _add_scale_sum_sigma(self, sigma: dict[ParameterName, float]) -> None:
-        """Add the uncertainty of the mean scale, which no motion shows, to the standard deviations."""
+        """Add the uncertainty of the mean scale, which motion does not show."""
         scale_count = sum(parameter_kind(name) == "scale" for name in self._names)
         mean_scale_sigma = self.prior_sigma["scale_1"] / math.sqrt(scale_count)
         # The force is proportional to the square of the current, so an error of the mean scale
@@ -366,7 +366,7 @@ class ParameterEstimator:
         return rows
 
     def _excited_names(self, rows: FloatArray) -> list[ParameterName]:
-        """Return the parameters on which the force depends.
+        """Return the parameters that affect the force.
 
         A solution must omit the others, because the prior on the sum of all scales would determine
         them.
@@ -451,7 +451,7 @@ class ParameterEstimator:
 def calibrate_running_stage(
     setup: StageSetup, magnet: IdentifiedMagnet, gains: Feedforward, seed: int
 ) -> ParameterEstimator | None:
-    """Run the training scans of a self-calibrating stage; None if the stage is not one."""
+    """Run the training scans of a self-calibrating stage, or None if the stage is not one."""
     rig, method = setup.rig, setup.method
     if not rig.settings.tracking.calibrate or method not in CALIBRATABLE_METHODS:
         return None

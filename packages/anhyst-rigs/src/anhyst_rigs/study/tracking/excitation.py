@@ -55,7 +55,7 @@ Legs = Mapping[str, SetPoint]
 
 
 def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
-    """Return candidates for each coordinate, within the set-point's snap, jerk, speed and travel."""
+    """Return candidate legs for each axis, within the set-point's snap, jerk, speed and travel."""
     file, legs = rig.settings, dict[str, list[SetPoint]]()
     scan, layout = file.scan, wrench_layout(file, usual_allocation(file), rig.idle_force)
     axis_rows = zip(file.body.free, scan_direction(file), mass_matrix(file), strict=True)
@@ -109,7 +109,7 @@ def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
 
 
 def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
-    """Return the legs that identify the most parameters, and of these the shortest."""
+    """Return the shortest of the legs that identify the largest number of parameters."""
     candidates = list[list[tuple[str, SetPoint, FloatArray] | None]]()
     for axis, motions in candidate_legs(setup.rig).items():
         rows = [estimator.information_rows(fly_legs(setup, {axis: leg})) for leg in motions]
@@ -177,7 +177,7 @@ class CalibratingMove:
 
 
 def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> CalibratingMove:
-    """Design the move of a stage, simulate it, and compute what it shows about each parameter."""
+    """Design the move of a stage, simulate it, and compute the information about each parameter."""
     refuse_slow_amplifier(rig)
     identified_magnet, scan = magnet or identify_stage_magnet(rig), rig.settings.scan
     setup, estimator = (
@@ -189,11 +189,13 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
     run = fly_legs(setup, legs, 1) if legs else None
     if run is None or run.loss is not None:
         why = (
-            "[spread] states nothing, or the loop is lost"
+            "[spread] states no errors, or the loop is lost"
             if run is None
             else f"lost {run.loss_text}"
         )
-        raise NegativeResult(f"{rig.path}: no move shows anything: {why}", code="nothing-shown")
+        raise NegativeResult(
+            f"{rig.path}: no move identifies a parameter: {why}", code="nothing-shown"
+        )
 
     def information(run: Recording) -> Information:
         rows = estimator.information_rows(run)
@@ -227,8 +229,8 @@ def excite_to_calibrate(
     kind = file_kind(rig)
     if kind is not UNKNOWN_FILE and not kind.has_option("excite", "--calibrate"):
         raise InputError(
-            f"{rig}: --calibrate is for stages; a bearing learns from any recording in which its "
-            "reference moves, a rig of force control is not calibrated",
+            f"{rig}: --calibrate is for stages; calibrate a bearing with any recording in which "
+            "its reference moves; force rigs are not calibrated",
             code="option-not-for-this",
             key="--calibrate",
         )

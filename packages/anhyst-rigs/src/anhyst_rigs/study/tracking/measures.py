@@ -62,7 +62,7 @@ from anhyst_rigs.rig.stage.setpoint import (
 from anhyst_rigs.study.engine.table import Metric
 
 SETTLING_BANDS_M = (50e-9, 10e-9)
-"""Error bands for which the settling time is measured, m."""
+"""Error bands of the settling time, m."""
 EXPOSURE_DELAY_S = 5e-3
 """Time from the end of the acceleration to the first window of the moving average, s."""
 
@@ -106,7 +106,7 @@ class Measures:
 
 
 LOST_MEASURES = Measures(*[float("inf")] * 8)
-"""Measures of a run in which the loop was lost."""
+"""Measures of a run that lost the loop."""
 
 
 def cross_talk_metrics(file: RigFile) -> list[Metric]:
@@ -182,31 +182,31 @@ def measure(run: Recording, motion: SetPoint, slit: float) -> Measures:
 
 
 EARLIEST_LOSS_S = 0.01
-"""Earliest time at which a magnet is lost, s. Before it the weight is taken up in one step."""
+"""Earliest loss of a magnet, s. Before it the weight is taken up in one step."""
 HOLD_TIME_S = 0.1
 """Simulated time after the body has braked, s."""
 FINAL_WINDOW_S = 0.02
-"""Length of the final window in which the last error is measured, s."""
+"""Length of the window of the final error, s."""
 LIFT_COMMAND_S = 0.2
 """Time of the lift command for a body at rest on its stops, s."""
 LAND_COMMAND_S = 0.45
 """Time of the landing command, s."""
 SLIDE_LIMIT_S = 0.02
-"""Time after touchdown at which the body counts as at rest, s. The model has no friction."""
+"""Time from touchdown until the body counts as at rest, s. The model has no friction."""
 BRAKING_RATIOS = (1.0, 0.5, 0.25, 0.1)
 """Candidates for the deceleration, as fractions of the largest acceleration."""
 _LOST_MAGNET_FACTOR = 256
 """Factor of the highest number of a lost magnet in the recorded state word."""
-LOSS_TITLE = "a magnet lost in flight, each when it pulls most, or a head"
+LOSS_TITLE = "loss of a magnet in flight, when it pulls most, or of a head"
 LOSS_COLUMNS = (
     "lost",
-    "the stage",
+    "outcome",
     "at ms",
     "A",
-    "can be spared",
-    "found after ms",
+    "redundant",
+    "detected after ms",
     "largest error",
-    "at the end",
+    "final error",
     "down mm/s",
     "let go",
     "onto any stop mm/s",
@@ -214,19 +214,19 @@ LOSS_COLUMNS = (
 )
 LOSS_NOTES = (
     "errors in nm and nrad, the largest of all coordinates;",
-    "let go: all currents end when the loss is found; speeds until it lies",
+    "let go: all currents end at the detection; speeds until the body is at rest",
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class LossResult:
-    """What happened to a body after the loss of a magnet or a head, or in a lift-off."""
+    """Behaviour of a body after the loss of a magnet or a head, or in a lift-off."""
 
     magnet: str
     at_s: float
     current_A: float | None = None
     spare: bool = False  # whether the others can move the body, or determine its pose
-    noticed_s: float | None = None  # delay of the detection; None if it was not detected
+    noticed_s: float | None = None  # delay of the detection, or None if it was not detected
     # "unnoticed", "flies on", "brakes", "lands", "let go", "falls" (it hit a stop while levitated),
     # "lifts off" or "stays"
     outcome: str
@@ -271,7 +271,7 @@ def _controller_state(run: Recording) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Plan:
-    """Sampled set-point of a flight; position and acceleration have one more sample than the force."""
+    """Sampled set-point of a flight; the force has one sample less."""
 
     position: FloatArray  # m
     acceleration: FloatArray  # m/s2
@@ -280,7 +280,7 @@ class _Plan:
 
 @dataclass(frozen=True)
 class LossFlights:
-    """Flights over the test set-point in which magnets or heads are lost."""
+    """Flights over the test set-point with loss of magnets or heads."""
 
     setup: StageSetup
     gains: Feedforward
@@ -331,7 +331,7 @@ class LossFlights:
     def _run_failure(
         self, name: str, tick: int, fault_word: int, magnet: int, test_plan: _Plan
     ) -> LossResult:
-        """Simulate a failure at a tick, or at the time of the case, and what follows."""
+        """Simulate a failure at a tick, or at the time of the case, and the reaction."""
         dt, file = self._rig.dt, self._rig.settings
         if self.case.at_s is not None:
             tick = min(round(self.case.at_s / dt), len(test_plan.feedforward) - 1)

@@ -28,15 +28,15 @@ FILTER_CORNER_HZ = 250.0
 """Corner frequency of the three equal poles that both signals pass, Hz; at most a twentieth of the
 tick rate."""
 COMPARISON_RATE_HZ = 1000.0
-"""Rate at which measured and predicted force are compared, Hz."""
+"""Rate of the comparisons of measured and predicted force, Hz."""
 MIN_DEMAND_RATIO = 0.06
-"""Smallest demand at which forces are compared, as a fraction of the largest force. At rest, any
+"""Smallest demand of compared samples, as a fraction of the largest force. At rest, any
 load would be taken for an error of the magnets."""
 MIN_AMPLIFIER_BANDWIDTH_RATIO = 16.0
 """Smallest bandwidth of an amplifier, as a multiple of the filter's corner. The lag of the
 amplifier is not modelled."""
 WIDTH_GRID_STEP = 0.005
-"""Step of the relative loop widths for which a hysteresis model is fitted."""
+"""Grid step of relative loop widths; a hysteresis model is fitted for each grid value."""
 
 
 def refuse_slow_amplifier(rig: BodyRig) -> None:
@@ -44,8 +44,8 @@ def refuse_slow_amplifier(rig: BodyRig) -> None:
     file, min_bandwidth_Hz = rig.settings, MIN_AMPLIFIER_BANDWIDTH_RATIO * FILTER_CORNER_HZ
     if file.amplifier.bandwidth_Hz < min_bandwidth_Hz:
         raise InputError(
-            f"{rig.path}: amplifier.bandwidth_Hz: is below {min_bandwidth_Hz:g} Hz, and its lag would be "
-            "taken for the iron's; calibrate with a faster amplifier",
+            f"{rig.path}: amplifier.bandwidth_Hz: is below {min_bandwidth_Hz:g} Hz, so that its lag "
+            "would be mistaken for that of the iron; calibrate with a faster amplifier",
             code="amplifier-too-slow",
             key="amplifier.bandwidth_Hz",
         )
@@ -107,7 +107,7 @@ class Motion(ABC):
 
     @property
     def force_rms(self) -> float:
-        """Force to which the residual is related, rms, N."""
+        """Reference force of relative residuals, rms, N."""
         return rms(self.measured_force[self.compared_indices])
 
     @property
@@ -145,7 +145,7 @@ class MotionLaw(ABC):
     optional_columns: Sequence[str]  # columns that are used if a recording has them
 
     def uncalibratable_methods(self, motions: Sequence[Motion]) -> Sequence[MethodName]:
-        """Return the methods that the recordings cannot calibrate, by default those with a probe."""
+        """Return methods that the recordings cannot calibrate, by default those with a probe."""
         del motions
         return FLUX_PROBE_METHODS
 
@@ -156,15 +156,15 @@ class MotionLaw(ABC):
 
     @abstractmethod
     def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
-        """Return the fault that a recording begins in motion, so that the iron's state is unknown."""
+        """Return a fault if a recording begins in motion, so that its hysteresis state is unknown."""
 
     def find_wrong_sign(self, motion: Motion) -> ColumnFault | None:
-        """Return the fault that the demand has the opposite sign of the motion, otherwise None."""
+        """Return a fault if the demand has the opposite sign of the motion, otherwise None."""
         del motion
         return None
 
     def prior_sigma(self, name: ParameterName) -> float:
-        """Return the standard deviation that the rig file states for a parameter."""
+        """Return the prior standard deviation of a parameter, from the rig file."""
         spread = self.rig.settings.spread
         uses_probe = self.method in FLUX_PROBE_METHODS
         return {

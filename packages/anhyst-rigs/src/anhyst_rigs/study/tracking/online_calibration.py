@@ -36,7 +36,7 @@ from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_slow_amp
 MAX_SHOWN_LAPS = 500
 """Number of cycles that a page can draw."""
 PICKUP_TIME_S = 0.1
-"""Time in which the weight of a body is taken up, s. These rows are kept, because they determine
+"""Time to take up the weight of a body, s. These rows are kept, because they determine
 the hysteresis state afterwards."""
 MAX_BUFFER_S = 20.0
 """Length of the row buffer for one cycle and the hysteresis state before it, s. After a longer
@@ -56,11 +56,11 @@ _BEARING_COLUMNS = (
 MIN_COMPARISONS = 50
 """Smallest number of comparisons in a window that is used for an update."""
 MIN_SWAP_CHANGE = 0.1
-"""Smallest change of a parameter for which a block is swapped, in prior standard deviations."""
+"""Smallest change of a parameter that swaps a block, in prior standard deviations."""
 
 
 Corrections = Mapping[ParameterName, float]
-"""Parameter values with which a method is corrected; empty without corrections."""
+"""Parameter values that correct a method; empty without corrections."""
 RunOnBench = Callable[[Callable[[], None]], None]
 """Runs a function in the bench's thread, between two ticks."""
 
@@ -96,7 +96,7 @@ class _CorrectionHistory:
         self._entries.append((setup, {name: value for name, value in corrections.items() if value}))
 
     def corrections_of(self, lap: StageCycle) -> Corrections | None:
-        """Return the corrections during a cycle; None if they are no longer stored."""
+        """Return the corrections during a cycle, or None if they are no longer stored."""
         return next(
             (corrections for setup, corrections in self._entries if setup is lap.setup), None
         )
@@ -188,7 +188,7 @@ class BenchCalibrator:
 
     def _stop(self, reason: str) -> None:
         """Stop the calibration, and show the reason."""
-        self._stop_reason, self.is_on = f"learning ended: {reason}", False
+        self._stop_reason, self.is_on = f"calibration stopped: {reason}", False
 
     def _record_lap(self, lap: LearntLap, estimator: ParameterEstimator | None) -> None:
         """Store what a page draws of a cycle."""
@@ -352,7 +352,7 @@ class StageCalibrator(BenchCalibrator):
         estimator.applied_values = dict.fromkeys(estimator.applied_values, 0.0) | dict(best)
         self._stop(
             f"the moving average of {estimator.law.method} grew from {1e9 * best_average:.3g} to "
-            f"{1e9 * average:.3g} nm; what left least is in force again"
+            f"{1e9 * average:.3g} nm; the corrections with the smallest error are restored"
         )
         return estimator.corrected_stage()
 
@@ -363,7 +363,7 @@ class StageCalibrator(BenchCalibrator):
         columns: Mapping[str, FloatArray],
         begin_row: int,
     ) -> StageSetup | None:
-        """Update the estimate from a cycle that begins at a row; return a new setup if it changes."""
+        """Update the estimate from a cycle; return a new setup, or None without a change."""
         method = lap.method
         if method not in self._laws:
             self._laws[method] = StageLaw(self._rig, self._magnet, method)
@@ -388,14 +388,14 @@ class StageCalibrator(BenchCalibrator):
         if self._rig.calibration_path is None:
             return None
         return InputError(
-            f"{self._rig.path}: control.calibration: learning begins without one; leave it out",
+            f"{self._rig.path}: control.calibration: online calibration begins without a file; remove it",
             code="not-both",
             key="control.calibration",
         )
 
 
 WINDOW_S = 1.0
-"""Length of the window of a bearing that is processed at once, s."""
+"""Length of the window of a bearing that is processed together, s."""
 TAIL_S = 0.1
 """Length of unthinned rows before a window, s."""
 THINNING_BLOCK_ROWS = 20
@@ -441,7 +441,7 @@ class BearingCalibrator(BenchCalibrator):
 
     def status(self) -> Mapping[str, Any]:
         """Return what a page shows in addition to the cycles."""
-        waits = "rows were missed, and what the iron remembers is not known: land, and lift again"
+        waits = "rows are missing, so the hysteresis state is unknown; land and lift again"
         shown = super().status()
         return {**shown, "trouble": shown["trouble"] or (waits if self._is_waiting else "")}
 
@@ -502,8 +502,8 @@ class BearingCalibrator(BenchCalibrator):
             if should_revert:
                 self.revert()
                 self._stop(
-                    f"the force was off by {rms(force_error):.3g} N, and by {uncorrected_rms_N:.3g} N without what "
-                    "was learnt, which is in force no more"
+                    f"the force error is {rms(force_error):.3g} N, without corrections "
+                    f"{uncorrected_rms_N:.3g} N; the corrections were removed"
                 )
             elif update is not None:
                 self._swap_block(*update)
@@ -524,7 +524,7 @@ class BearingCalibrator(BenchCalibrator):
     def _update(
         self, estimators: dict[MethodName, ParameterEstimator], law: BearingLaw, motion: Motion
     ) -> tuple[Sequence[int], Corrections] | None:
-        """Update the estimate from a window; return a new block and its corrections if they change."""
+        """Update the estimate from a window; return a new block and its corrections, or None."""
         estimator = estimators.setdefault(self._method, ParameterEstimator(law, FORGETTING_TIME_S))
         try:
             estimator.update(motion)
@@ -560,11 +560,11 @@ class BearingCalibrator(BenchCalibrator):
     def _refusal(self) -> InputError | None:
         rig, reason = self._setup.rig, ""
         if rig.calibration_path is not None:
-            reason = "control.calibration: learning begins without one; leave it out"
+            reason = "control.calibration: online calibration begins without a file; remove it"
         elif len(rig.settings.body_magnets) > 1:
             reason = "both magnets of a pair share one block; calibrate from a recording"
         elif self._method != "full":
-            reason = f"'{self._method}' is not calibrated while it runs; choose 'full'"
+            reason = f"'{self._method}' cannot be calibrated online; choose 'full'"
         return InputError(f"{rig.path}: {reason}", code="not-learnt-here") if reason else None
 
 

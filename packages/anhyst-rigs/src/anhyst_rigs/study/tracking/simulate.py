@@ -123,13 +123,13 @@ def _update_learnt_force(rig: BodyRig, learnt_force: FloatArray, error: FloatArr
 
 
 TRAINING_SEED = 1000
-"""First noise seed of the motions with which a stage calibrates itself."""
+"""First noise seed of the calibration motions."""
 GAIN_SEARCH_RUNS = 30
 """Largest number of runs of the gain search."""
 _GAIN_STEPS = np.array([0.01, 50e-6, 5e-9])
 """Steps of the first simplex: weight of the acceleration, jerk gain (s), snap gain (s^2)."""
 _LOST_COST_M = 1.0
-"""Cost of a run in which the loop was lost, m."""
+"""Cost of a run that lost the loop, m."""
 
 
 def gains_at(point: FloatArray) -> Feedforward:
@@ -198,7 +198,7 @@ class VariantResult:
         return CaseFigures.summarise(runs)
 
     def interval(self, key: str) -> Interval:
-        """Return a measure over the seeds; without a mean if one of the runs was lost."""
+        """Return a measure over the seeds, without a mean if one of the runs was lost."""
         return self.case_figures.interval(key)
 
     @property
@@ -214,7 +214,7 @@ class VariantResult:
 
     @property
     def lost_in(self) -> list[str]:
-        """Runs in which the loop was lost, except those of learning control."""
+        """Runs that lost the loop, without learning control."""
         lost, count = self.case_figures.lost, self.case_figures.runs
         tried = {
             f"test set-point ({lost} of {count} runs)": lost > 0,
@@ -247,7 +247,7 @@ class TrackingStudy(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """Runs in which the loop of the compensator was lost."""
+        """Runs that lost the loop with the compensator."""
         return self.variants[COMPENSATOR].lost_in
 
     def as_dict(self) -> dict[str, Any]:
@@ -336,7 +336,7 @@ class TrackingStudy(StudyResult):
         return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the measures of every variant on the test set-point, means over seeds, SI units."""
+        """Return the measures of each variant on the test set-point, means over seeds, SI units."""
         names = [field.name for field in fields(Measures)]
         rows = self.variants.items()
         return rows_to_columns(
