@@ -178,14 +178,16 @@ class _LoopSource:
         self.copies: dict[str, Path] = {}
         for path in list_input_files(list(paths), options.sidecar):
             folder = path.parent.resolve()
-            for other in self.copies.values():
-                if other.stem == path.stem and other.parent.resolve() != folder:
+            for copied in self.copies.values():
+                if copied.stem == path.stem and copied.parent.resolve() != folder:
                     raise InputError(
-                        f"{path}: {other} has the same name; rename one of them", code="name-twice"
+                        f"{path}: {copied} has the same name; rename one of them", code="name-twice"
                     )
             self.copies[f"{LOOPS_FOLDER}/{path.name}"] = path
         tables = [name for name in self.copies if not name.endswith(".toml")]
-        reading = {name.removeprefix("read_"): one for name, one in options.as_settings().items()}
+        reading = {
+            name.removeprefix("read_"): value for name, value in options.as_settings().items()
+        }
         if options.sidecar is not None:
             reading["sidecar"] = f"{LOOPS_FOLDER}/{Path(options.sidecar).name}"
         files = tables[0] if len(tables) == 1 else tables

@@ -77,8 +77,8 @@ def _triangles(cycle_Hz: float) -> list[tuple[str, float, float, float, int, str
             ("wide", 0.05, 0.95, 2.0, 2, EXAMPLE_NOTE),
             ("inner", 0.3, 0.7, 2.0, 2, EXAMPLE_NOTE),
         ]
-    slow = f"{SLOW_PERIOD_RATIO:g} times that of the fastest loops"
+    slow_guess = f"{SLOW_PERIOD_RATIO:g} times that of the fastest loops"
     return [
-        ("slow", 0.05, 0.95, round_nearest(SLOW_PERIOD_RATIO / cycle_Hz), 1, slow),
+        ("slow", 0.05, 0.95, round_nearest(SLOW_PERIOD_RATIO / cycle_Hz), 1, slow_guess),
         ("fast", 0.1, 0.5, round_nearest(1.0 / cycle_Hz), 4, "as fast as the fastest loops"),
     ]

@@ -133,7 +133,9 @@ def _fastest_rate(loops: Loops) -> tuple[float, float] | None:
     if speeds is None or find_rate_effect(loops, speeds) is None:
         return None
     steps = [
-        np.diff(one.input) / np.diff(one.time) for one in speeds.fast[-1] if one.time is not None
+        np.diff(loop.input) / np.diff(loop.time)
+        for loop in speeds.fast[-1]
+        if loop.time is not None
     ]
     return speeds.fastest_rate, float(np.median(np.abs(np.concatenate(steps))))
 
@@ -268,7 +270,7 @@ def _choose_load(request: MachineRequest, magnet: MeasuredMagnet) -> GuessedValu
         raise InputError(
             f"load: {load.number:g} N cannot be lifted at a gap of {weakest_gap:g} m: there the "
             f"loops reach {weakest_force:.4g} N at {magnet.current_high:.4g} A, and {MIN_LIFT_RATIO:g} times the "
-            f"load, {load.number * MIN_LIFT_RATIO:.4g} N, are needed; reduce it, or give loops with larger "
+            f"load, {load.number * MIN_LIFT_RATIO:.4g} N, are needed; lower it, or give loops with larger "
             f"currents or smaller gaps{origin}",
             code="load-too-large",
             key="load",

@@ -88,24 +88,24 @@ def fit_stack(loopset: Loops) -> FittedStack:
     """Fit a stack to loops; raise an InputError if the loops are not those of a stack."""
     problem = _FitProblem(loopset)
     problem.exclude_outliers(problem.fit(()))
-    best = without_creep = problem.fit(())
+    fit = without_creep = problem.fit(())
     if (
         problem.creep_times
         and (with_creep := problem.fit(problem.creep_times, without_creep)).rms
         < MAX_CREEP_RESIDUAL_RATIO * without_creep.rms
     ):
-        best = with_creep
-    stroke, bend, slope, _ = best.weights * problem.stroke
-    is_poor = best.rms > MAX_RESIDUAL_RATIO * problem.stroke or not stroke
+        fit = with_creep
+    stroke, bend, slope, _ = fit.weights * problem.stroke
+    is_poor = fit.rms > MAX_RESIDUAL_RATIO * problem.stroke or not stroke
     if is_poor or not slope:
         reason = "are not those of a stack" if is_poor else "show no hysteresis"
         raise InputError(
             f"the loops {reason}: the residual of the Bouc-Wen model is "
-            f"{100 * best.rms / problem.stroke:.2g} % of the stroke; check them with anhyst inspect",
+            f"{100 * fit.rms / problem.stroke:.2g} % of the stroke; check them with anhyst inspect",
             code="no-piezo",
         )
     span, low = problem.span, problem.low / problem.span
-    beta, ratio = math.exp(best.shape[0]), float(best.shape[1])
+    beta, ratio = math.exp(fit.shape[0]), float(fit.shape[1])
     remaining = bouc_wen_state(np.array([0.0, problem.high / span, low]), beta, ratio)[-1]
     numbers = {
         "stroke_m_per_V": stroke / span,
@@ -116,13 +116,13 @@ def fit_stack(loopset: Loops) -> FittedStack:
     }
     return FittedStack(
         numbers={key: float(value) for key, value in numbers.items()},
-        creep_times=best.creep_times,
-        creep_shares=tuple(best.shape[3:].tolist()),
+        creep_times=fit.creep_times,
+        creep_shares=tuple(fit.shape[3:].tolist()),
         low=problem.low,
         high=problem.high,
         stroke=max(float(np.ptp(answer)) for answer in problem.displacements()),
         remains=float(stroke * low + bend * low**2 - slope * remaining),
-        rms=best.rms,
+        rms=fit.rms,
         rms_without_creep=without_creep.rms,
         has_times=problem.sample_s > 0.0,
     )
@@ -147,9 +147,9 @@ class _FitProblem:
     """Loops and the least-squares problem; voltages are fractions of their range."""
 
     def __init__(self, loopset: Loops) -> None:
-        every = 1 + sum(loop.n for loop in loopset.loops) // MAX_FIT_SAMPLES
+        stride = 1 + sum(loop.n for loop in loopset.loops) // MAX_FIT_SAMPLES
         self.loops = loopset.loops
-        self.selection = slice(None, None, every)
+        self.selection = slice(None, None, stride)
         self.low = min(0.0, *(float(loop.input.min()) for loop in self.loops))
         self.high = max(float(loop.input.max()) for loop in self.loops)
         self.stroke = max(float(np.ptp(loop.output)) for loop in self.loops)
@@ -303,13 +303,13 @@ def bouc_wen_state(drive: FloatArray, beta: float, ratio: float) -> FloatArray:
 
 def _branch(travel: FloatArray, start: float, beta: float, ratio: float) -> FloatArray:
     """Solve dg/dv = 1 - beta*g - gamma*|g| from an initial value: first below zero, then above."""
-    above, below = beta * (1.0 + ratio), beta * (1.0 - ratio) or _TINY
-    start = min(start, (1.0 - _TINY) / above)  # g approaches 1/above from below
-    initial_rate = above if start >= 0.0 else below
+    rate_above, rate_below = beta * (1.0 + ratio), beta * (1.0 - ratio) or _TINY
+    start = min(start, (1.0 - _TINY) / rate_above)  # g approaches 1/above from below
+    initial_rate = rate_above if start >= 0.0 else rate_below
     travel_past_zero = (
         travel - math.log1p(-start * initial_rate) / initial_rate
     )  # travel after the zero of g
-    rate = np.where(travel_past_zero < 0.0, below, above)
+    rate = np.where(travel_past_zero < 0.0, rate_below, rate_above)
     return np.asarray(-np.expm1(-rate * travel_past_zero) / rate)
 
 

@@ -62,7 +62,8 @@ def _templates() -> Environment:
         finalize=lambda value: value if isinstance(value, str) else format_toml(value),
     )
     environment.globals |= {
-        one.__name__: one for one in (round_nearest, round_up, round_down, step_up, step_down)
+        function.__name__: function
+        for function in (round_nearest, round_up, round_down, step_up, step_down)
     }
     environment.filters |= {
         "toml": format_toml,
@@ -117,8 +118,8 @@ def round_down(value: float, digits: int = 2) -> float:
 def step_up(value: float, steps: Sequence[float] = ONE_TWO_FIVE) -> float:
     """Round a positive value up to 1, 2, 5, 10, 20, ..."""
     decade = math.floor(math.log10(value) + _SLACK)
-    least = next(step for step in steps if step * (1.0 + _SLACK) >= value / 10.0**decade)
-    return float(f"{least:g}e{decade}")
+    step_value = next(step for step in steps if step * (1.0 + _SLACK) >= value / 10.0**decade)
+    return float(f"{step_value:g}e{decade}")
 
 
 def step_down(value: float) -> float:

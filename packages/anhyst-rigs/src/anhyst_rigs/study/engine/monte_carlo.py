@@ -162,20 +162,21 @@ class MonteCarlo(StudyResult):
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult if a plant was lost with the compensator."""
-        own = self.plants.own_method
-        if self.lost_count(own):
+        own_method = self.plants.own_method
+        if self.lost_count(own_method):
             raise NegativeResult(
-                f"{self.lost_count(own)} of {len(self.drifts)} plants were lost with '{own}'",
+                f"{self.lost_count(own_method)} of {len(self.drifts)} plants were lost with '{own_method}'",
                 code="plants-lost",
             )
 
     @property
     def verdict(self) -> Judgement:
         """Whether compensation is beneficial over all plants, for each figure and case."""
-        own = self.plants.own_method
-        if self.lost_count(own):
+        own_method = self.plants.own_method
+        if self.lost_count(own_method):
             return Judgement(
-                "unknown", f"'{own}' lost {self.lost_count(own)} of {len(self.drifts)} plants"
+                "unknown",
+                f"'{own_method}' lost {self.lost_count(own_method)} of {len(self.drifts)} plants",
             )
         if len(self.drifts) < 2:
             return Judgement("unknown", "one plant is not sufficient; run more")
@@ -185,17 +186,21 @@ class MonteCarlo(StudyResult):
             for case in range(len(figure.case_names))
             if (comparison := self._compare(figure, case)) is not None
         ]
-        return judge_against_baselines(own, compared, "figures", self.plants.beneficial_condition)
+        return judge_against_baselines(
+            own_method, compared, "figures", self.plants.beneficial_condition
+        )
 
     def _compare(self, figure: PlantFigure, case: int) -> ComparedFigure | None:
         """Compare with the strongest baseline plant by plant, because both have the same plants."""
         completed = [method for method in self.runs if not self.lost_count(method)]
-        means = {one: mean_interval(self.values(one, figure.key, case)) for one in completed}
-        if (best := strongest_baseline(means)) is None:
+        means = {
+            method: mean_interval(self.values(method, figure.key, case)) for method in completed
+        }
+        if (baseline := strongest_baseline(means)) is None:
             return None
-        own = self.plants.own_method
+        own_method = self.plants.own_method
         own_values, best_values = (
-            np.array(self.values(one, figure.key, case)) for one in (own, best)
+            np.array(self.values(method, figure.key, case)) for method in (own_method, baseline)
         )
         uncertainty = (
             mean_interval(own_values - best_values).half_width
@@ -203,7 +208,9 @@ class MonteCarlo(StudyResult):
             else 0.0
         )
         title = f"{figure.title} {figure.case_names[case]}".strip()
-        return ComparedFigure(title, best, means[own].mean, means[best].mean, uncertainty)
+        return ComparedFigure(
+            title, baseline, means[own_method].mean, means[baseline].mean, uncertainty
+        )
 
     def facts(self) -> dict[str, str]:
         """Return the first figure of every method, and the verdict."""
@@ -323,14 +330,14 @@ def run_plant(plants: Plants, number: int) -> dict[str, Any]:
 
 
 def _plant_run(row: Mapping[str, Any], plants: Plants) -> PlantRun:
-    lost = row["lost_s"]
+    lost_s = row["lost_s"]
     values = {}
     for figure in plants.figures:
         lost_values = [None] * len(figure.case_names)
-        entry = lost_values if lost is not None else row[figure.key]
+        entry = lost_values if lost_s is not None else row[figure.key]
         cases = entry if isinstance(entry, list) else [entry]
         values[figure.key] = tuple(math.inf if case is None else case for case in cases)
-    return PlantRun(values, lost)
+    return PlantRun(values, lost_s)
 
 
 def find_fault(row: Mapping[str, Any], plants: Plants) -> str | None:
@@ -347,20 +354,20 @@ def _faults(row: Mapping[str, Any], plants: Plants) -> Iterator[str]:
         if not isinstance(row.get(key), dict):
             yield f"{key}: is missing"
     for name in plants.methods:
-        run, where = row["variants"].get(name), f"variants.{name}"
+        run, prefix = row["variants"].get(name), f"variants.{name}"
         if not isinstance(run, dict):
-            yield f"{where}: is missing"
+            yield f"{prefix}: is missing"
         if not _is_valid_value(run.get("lost_s", math.nan)):
-            yield f"{where}.lost_s: must be null or the time of the loss of the loop"
+            yield f"{prefix}.lost_s: must be null or the time of the loss of the loop"
         for figure in plants.figures if run["lost_s"] is None else ():
             entry = run.get(figure.key, math.nan)
             values = entry if figure.cases else [entry]
             if not isinstance(values, list) or len(values) != len(figure.case_names):
-                yield f"{where}.{figure.key}: must have {len(figure.case_names)} values, one for each case"
+                yield f"{prefix}.{figure.key}: must have {len(figure.case_names)} values, one for each case"
             for index, value in enumerate(values):
                 if not _is_valid_value(value):
                     key = f"{figure.key}.{index}" if figure.cases else figure.key
-                    yield f"{where}.{key}: must be null or a number that is not negative"
+                    yield f"{prefix}.{key}: must be null or a number that is not negative"
 
 
 def _is_valid_value(value: Any) -> bool:

@@ -96,11 +96,11 @@ def mean_ratio(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> MeanR
     (aa, ab), (_, bb) = (factor * np.cov(rows)).tolist()
     value = a / b if b > 0.0 else math.inf
     # (a - R b)^2 <= aa - 2 R ab + R^2 bb
-    square, half, rest = b * b - bb, a * b - ab, a * a - aa
-    if square <= 0.0:
+    quadratic, linear, constant = b * b - bb, a * b - ab, a * a - aa
+    if quadratic <= 0.0:
         return MeanRatio(value, 0.0, math.inf)
-    root = math.sqrt(max(half * half - square * rest, 0.0))
-    return MeanRatio(value, max((half - root) / square, 0.0), (half + root) / square)
+    root = math.sqrt(max(linear * linear - quadratic * constant, 0.0))
+    return MeanRatio(value, max((linear - root) / quadratic, 0.0), (linear + root) / quadratic)
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,9 +86,9 @@ def read_stack_specimen(path: PathLike) -> ReadSpecimen:
 def read_force_specimen(path: PathLike) -> ReadSpecimen:
     """Read the rig file of an actuator whose force is controlled."""
     rig = read_rig(path)
-    named = rig.settings.solenoid
-    files = [rig.path] if named is None else [rig.path, rig.path.parent / named.file]
-    if named is None and rig.settings.magnet.has_iron_from_loops:
+    solenoid = rig.settings.solenoid
+    files = [rig.path] if solenoid is None else [rig.path, rig.path.parent / solenoid.file]
+    if solenoid is None and rig.settings.magnet.has_iron_from_loops:
         files += rig.measured_loops.files
         rig = complete_rig(rig, rig.measured_loops.read())
     return ReadSpecimen(force_specimen(rig), tuple(files), measure_gaps)
@@ -408,16 +408,18 @@ def _record_loop(
 
 def check_operating_force(specimen: Specimen, probed_gaps: Sequence[ProbedGap]) -> None:
     """Raise an InputError if no gap reaches the operating force."""
-    if any(place.is_force_reached for place in probed_gaps):
+    if any(probed_gap.is_force_reached for probed_gap in probed_gaps):
         return
-    best = max(probed_gaps, key=lambda place: place.largest_force)
+    best_gap = max(probed_gaps, key=lambda probed_gap: probed_gap.largest_force)
+    force, peak = specimen.operating_force, best_gap.peak
+    low, high = (f"{100 * ratio:.0f}" for ratio in OPERATING_RANGE)
     raise InputError(
-        f"{specimen.operating_force.key}: minor loops are required about {specimen.operating_force.value:g} N, "
-        f"but at no gap is that between {100 * OPERATING_RANGE[0]:.0f} and {100 * OPERATING_RANGE[1]:.0f} % of the "
-        f"largest current; {best.peak.key} leaves {best.peak.value:.3g} A and {best.largest_force:.4g} N at "
-        f"{1e3 * best.gap:g} mm; set excite.operating_N, or raise that limit",
+        f"{force.key}: minor loops about {force.value:g} N need a current from {low} to {high} % of "
+        f"the largest one, which no gap allows; {peak.key} limits it to {peak.value:.3g} A and "
+        f"{best_gap.largest_force:.4g} N at {1e3 * best_gap.gap:g} mm; set excite.operating_N, or "
+        "raise that limit",
         code="operating-force-not-reached",
-        key=specimen.operating_force.key,
+        key=force.key,
     )
 
 

@@ -142,10 +142,12 @@ class BoardDrive:
     def __init__(self, specimen: Specimen, bench: DrivenBoard) -> None:
         self._specimen, self._bench = specimen, bench
         names = [signal.name for signal in bench.signals]
-        missing = [name for name in _REQUIRED_SIGNALS if name not in names]
-        if bench.demand_range.unit != "N" or missing:
+        missing_names = [name for name in _REQUIRED_SIGNALS if name not in names]
+        if bench.demand_range.unit != "N" or missing_names:
             reason = (
-                f"has no signal {', '.join(missing)}" if missing else "does not control a force"
+                f"has no signal {', '.join(missing_names)}"
+                if missing_names
+                else "does not control a force"
             )
             raise InputError(
                 f"measure: the controller {reason}; measure with a force controller",

@@ -93,11 +93,11 @@ class StageMotion(Motion):
 
     def filter_wrench(self, wrench: FloatArray, delay_ticks: float = 0.0) -> FloatArray:
         """Filter a wrench, moments over the radius of gyration, and return it as one row, N."""
-        passed = [
+        filtered = [
             self.filter_force(component, delay_ticks)
             for component in (wrench / self.gyration_radii).T
         ]
-        return np.column_stack(passed).ravel()
+        return np.column_stack(filtered).ravel()
 
     @cached_property
     def gyration_radii(self) -> FloatArray:
@@ -456,8 +456,8 @@ class BearingLaw(MotionLaw):
         self._is_load_recorded = is_load_recorded
 
         def fit_compensator(width: float) -> ForceController:
-            known = [calibrate_magnet(magnet, width_change=width)]
-            return fit_bearing_compensators(bearing, controller, known, method, "f64")[0]
+            magnets = [calibrate_magnet(magnet, width_change=width)]
+            return fit_bearing_compensators(bearing, controller, magnets, method, "f64")[0]
 
         self.compensator = cache(fit_compensator)
         commands = magnet_columns(CURRENT_SIGNALS[:1], 1, len(bearing.settings.magnets))
@@ -465,7 +465,7 @@ class BearingLaw(MotionLaw):
 
     def law_options(self, motions: Sequence[Motion]) -> Mapping[str, Any]:
         """Return whether the load was recorded in all motions."""
-        return {"is_load_recorded": all("load_N" in one.columns for one in motions)}
+        return {"is_load_recorded": all("load_N" in motion.columns for motion in motions)}
 
     def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
         """Return a fault if a recording begins while a current flows, otherwise None."""

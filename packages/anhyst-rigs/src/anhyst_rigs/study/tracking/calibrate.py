@@ -107,8 +107,8 @@ def _check_ticks(rig: BodyRig, source: str, time: FloatArray) -> None:
         text = f"{source}: has {rate:g} rows a second, but {rig.path} has {1.0 / rig.dt:g} ticks"
         raise InputError(f"{text}; record every tick", code="rate-differs", key="t_s")
     if (irregular_rows := np.flatnonzero(np.abs(steps - 1.0) > 0.5)).size:
-        first = irregular_rows[0]
-        text = f"{source}: row {first + 2} is {steps[first]:.3g} ticks after the previous row"
+        row = irregular_rows[0]
+        text = f"{source}: row {row + 2} is {steps[row]:.3g} ticks after the previous row"
         raise InputError(f"{text}; record every tick once", code="ticks-missing", key="t_s")
 
 
@@ -127,33 +127,33 @@ class Calibration(Result):
     @property
     def has_estimates(self) -> bool:
         """Whether any method was accepted."""
-        return any(one.is_applied for one in self.file.method)
+        return any(method.is_applied for method in self.file.method)
 
     def facts(self) -> dict[str, str]:
         """Return the corrections and the residual of every method, and the trusted mass."""
         facts = {"rig": self.file.rig, "trusted": f"mass of {self.file.mass_kg:g} kg"}
-        return facts | {one.name: one.summary for one in self.file.method}
+        return facts | {method.name: method.summary for method in self.file.method}
 
     def to_columns(self) -> dict[str, Any]:
         """Return every parameter of every method with its remaining uncertainty."""
         return rows_to_columns(
             [
-                {"method": one.name, **number.model_dump()}
-                for one in self.file.method
-                for number in one.parameter
+                {"method": method.name, **parameter.model_dump()}
+                for method in self.file.method
+                for parameter in method.parameter
             ]
         )
 
     def draw(self, ax: Axes) -> None:
         """Draw the parameters of every method, relative to their prior standard deviations."""
-        for one in self.file.method:
-            learnt = [number for number in one.parameter if not number.frozen]
+        for method in self.file.method:
+            estimated = [parameter for parameter in method.parameter if not parameter.frozen]
             ax.errorbar(
-                [number.name for number in learnt],
-                [number.value / number.prior for number in learnt],
-                [number.sigma / number.prior for number in learnt],
+                [parameter.name for parameter in estimated],
+                [parameter.value / parameter.prior for parameter in estimated],
+                [parameter.sigma / parameter.prior for parameter in estimated],
                 fmt="o",
-                label=one.name,
+                label=method.name,
             )
         ax.set_ylabel("estimate over prior standard deviation")
 
@@ -168,12 +168,12 @@ class Calibration(Result):
         content = self.file.model_dump()
         lines = [FILE_HEADER]
         lines += [f"{key} = {toml_value(content[key])}" for key in content if key != "method"]
-        for one in self.file.method:
-            whole = one.model_dump(exclude_none=True)
+        for method in self.file.method:
+            table = method.model_dump(exclude_none=True)
             lines += ["", "[[method]]"]
-            lines += [f"{key} = {toml_value(whole[key])}" for key in whole if key != "parameter"]
+            lines += [f"{key} = {toml_value(table[key])}" for key in table if key != "parameter"]
             lines.append("parameter = [")
-            lines += [f"  {toml_value(number)}," for number in whole["parameter"]]
+            lines += [f"  {toml_value(number)}," for number in table["parameter"]]
             lines.append("]")
         with atomic_writer(path) as stream:
             stream.write("\n".join(lines) + "\n")
@@ -247,16 +247,18 @@ def calibrate(
     if not is_single and not isinstance(recordings, Sequence):
         raise wrong_type("calibrate: recordings", "recordings or their paths", recordings)
     sources: list[Recording | PathLike] = [recordings] if is_single else list(recordings)  # type: ignore[arg-type,list-item]
-    for one in sources:
-        if not isinstance(one, Recording):
-            check_path(one, "calibrate: recordings", "recordings or their paths")
-    files = [Path(one) for one in sources if not isinstance(one, Recording)]
+    for source in sources:
+        if not isinstance(source, Recording):
+            check_path(source, "calibrate: recordings", "recordings or their paths")
+    files = [Path(source) for source in sources if not isinstance(source, Recording)]
     if out is not None:
         check_writable(out, [body_rig.path, *body_rig.measured_loops.files, *files])
     kind.refuse_options("calibrate", {"--controller": controller})
     make_law, identified_magnet = calibrates.motion_laws(body_rig, controller, magnet)
-    motions = [_make_motion(make_law("full"), one) for one in sources]
-    if not sources or len({one.columns["command_A"].tobytes() for one in motions}) < len(sources):
+    motions = [_make_motion(make_law("full"), source) for source in sources]
+    if not sources or len({motion.columns["command_A"].tobytes() for motion in motions}) < len(
+        sources
+    ):
         raise InputError(
             "RUNS: give at least one recording, and each only once",
             code="recordings-not-once",

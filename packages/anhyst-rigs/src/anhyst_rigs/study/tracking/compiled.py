@@ -114,14 +114,14 @@ def _refuse_uncompilable(rig: BodyRig, io: Io, rate: float | None) -> None:
             code="option-not-for-this",
             key="--io",
         )
-    control, own = rig.settings.tracking, rig.settings.timing.rate_Hz
+    control, rig_rate = rig.settings.tracking, rig.settings.timing.rate_Hz
     if io == "q31" and control.calibration is not None:
         text = (
             "control.calibration: fixed point does not support corrections; compile with --io f32"
         )
         raise InputError(f"{rig.path}: {text}", code="not-compilable", key="control.calibration")
-    if rate is not None and rate != own:
-        text = f"timing.rate_Hz: is {own:g} Hz here and {rate:g} Hz in --rate; make them equal"
+    if rate is not None and rate != rig_rate:
+        text = f"timing.rate_Hz: is {rig_rate:g} Hz here and {rate:g} Hz in --rate; make them equal"
         raise InputError(f"{rig.path}: {text}", code="option-differs", key="timing.rate_Hz")
     if rig.settings.has_ground_heads:
         text = (
@@ -231,12 +231,12 @@ def _simulate_inputs(setup: StageSetup) -> FloatArray:
         text = f"{rig.path}: the loop is lost in the simulated flight: {loss.reason}; check it"
         raise NegativeResult(f"{text} with anhyst simulate", code="lost")
     magnets, heads = len(file.body_magnets), len(file.position_sensors)
-    read = [run[column_name("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]
+    read = [run[column_name("gap_read", "m", number)] for number in range(1, magnets + heads + 1)]
     head_errors = np.array(read[magnets:])
     for head, row in enumerate(controller_matrices(setup)["at"].tolist()):
         for axis, part in enumerate(row):
             head_errors[head] -= part * target[:, axis]
-    currents = (run[one] for one in magnet_columns([("current_read", "A")], 1, magnets))
+    currents = (run[name] for name in magnet_columns([("current_read", "A")], 1, magnets))
     return np.vstack([head_errors, wrench.T, read[:magnets], *currents])
 
 

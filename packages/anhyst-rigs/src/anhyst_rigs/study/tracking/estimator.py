@@ -130,9 +130,9 @@ class ParameterEstimator:
 
     def copy_without_data(self) -> ParameterEstimator:
         """Return a new estimator without data that keeps the applied corrections."""
-        other = ParameterEstimator(self.law, self.forgetting_time_s)
-        other.applied_values = dict(self.applied_values)
-        return other
+        estimator = ParameterEstimator(self.law, self.forgetting_time_s)
+        estimator.applied_values = dict(self.applied_values)
+        return estimator
 
     def update(self, motion: Motion) -> bool:
         """Update the estimate from a motion; return whether it identified any parameter.

@@ -59,27 +59,31 @@ def candidate_legs(rig: BodyRig) -> dict[str, list[SetPoint]]:
     file, legs = rig.settings, dict[str, list[SetPoint]]()
     scan, layout = file.scan, wrench_layout(file, usual_allocation(file), rig.idle_force)
     axis_rows = zip(file.body.free, scan_direction(file), mass_matrix(file), strict=True)
-    for axis, scan_part, mass in axis_rows:
+    for axis, scan_part, mass_row in axis_rows:
         wrenches = max(scan.train_m_per_s2) * np.outer(
-            [*ACCELERATION_RATIOS, *-ACCELERATION_RATIOS], mass
+            [*ACCELERATION_RATIOS, *-ACCELERATION_RATIOS], mass_row
         ) - weight_wrench(file)
-        forces = np.abs([layout.share(one)[0] for one in wrenches.tolist()]).max(axis=1)
+        forces = np.abs([layout.share(wrench)[0] for wrench in wrenches.tolist()]).max(axis=1)
         is_feasible = (
             forces.reshape(2, -1).max(axis=0) <= MAX_FORCE_RATIO * file.tracking.force_max_N
         )
         if not is_feasible.any() or (axis not in ("x", "y") and not scan_part):
             continue
         ratio = float(ACCELERATION_RATIOS[is_feasible][0])
-        accelerations = [ratio * one for one in scan.train_m_per_s2]
+        accelerations = [ratio * acceleration for acceleration in scan.train_m_per_s2]
         # an odd number, so that the second repetition is reversed
         accelerations += accelerations[: 1 - len(accelerations) % 2]
-        phases, rest = (scan.jerk_phase_s, scan.snap_phase_s), accelerations[0]
+        phases, last_acceleration = (scan.jerk_phase_s, scan.snap_phase_s), accelerations[0]
         speeds = np.geomspace(
             max(accelerations) * phases[0], ratio * scan.speed_m_per_s, 3
         ).tolist()
         legs[axis] = [
             SetPoint(
-                (*accelerations, *accelerations, rest), speed, 0.0, *phases, has_final_rest=True
+                (*accelerations, *accelerations, last_acceleration),
+                speed,
+                0.0,
+                *phases,
+                has_final_rest=True,
             )
             for speed in speeds
         ]
@@ -113,7 +117,9 @@ def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
     candidates = list[list[tuple[str, SetPoint, FloatArray] | None]]()
     for axis, motions in candidate_legs(setup.rig).items():
         rows = [estimator.information_rows(fly_legs(setup, {axis: leg})) for leg in motions]
-        candidates.append([None, *((axis, *one) for one in zip(motions, rows, strict=True))])
+        candidates.append(
+            [None, *((axis, *candidate) for candidate in zip(motions, rows, strict=True))]
+        )
 
     def rank(legs: Sequence[tuple[str, SetPoint, FloatArray]]) -> tuple[int, float]:
         sigma_ratios = np.array(
@@ -123,8 +129,8 @@ def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
             leg.duration for _, leg, _ in legs
         )
 
-    best = min(([leg for leg in legs if leg] for legs in product(*candidates)), key=rank)
-    return {axis: leg for axis, leg, _ in best}
+    selected = min(([leg for leg in legs if leg] for legs in product(*candidates)), key=rank)
+    return {axis: leg for axis, leg, _ in selected}
 
 
 @dataclass(frozen=True)
@@ -199,10 +205,16 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
 
     def information(run: Recording) -> Information:
         rows = estimator.information_rows(run)
-        left = dict.fromkeys((name for name, ratio in estimator.prior_sigma.items() if ratio), 1.0)
-        left |= estimator.relative_sigma(rows)
-        hidden = [name for name, one in left.items() if one > estimator.law.max_sigma_ratio]
-        return Information(float(run["t_s"][-1]), estimator.condition_number(rows), left, hidden)
+        sigma_ratios = dict.fromkeys(
+            (name for name, ratio in estimator.prior_sigma.items() if ratio), 1.0
+        )
+        sigma_ratios |= estimator.relative_sigma(rows)
+        hidden = [
+            name for name, sigma in sigma_ratios.items() if sigma > estimator.law.max_sigma_ratio
+        ]
+        return Information(
+            float(run["t_s"][-1]), estimator.condition_number(rows), sigma_ratios, hidden
+        )
 
     training_run = track(setup, scan_motion(scan, scan.train_m_per_s2), Feedforward(), 1)
     return CalibratingMove(legs, run, information(run), information(training_run))

@@ -261,7 +261,7 @@ class LossResult:
             "" if self.noticed_s is None else f"{1e3 * self.noticed_s:.2f}",
             format_largest(self.error),
             format_largest(self.error_end),
-            *(f"{1e3 * one:.1f}" for one in speeds),
+            *(f"{1e3 * speed:.1f}" for speed in speeds),
         ]
 
 
@@ -290,7 +290,7 @@ class LossFlights:
     def run_all(self) -> list[LossResult]:
         """Run a flight for each magnet of the case, then for each head, then the lift-off."""
         file, test_plan, case = self._rig.settings, self._test_plan(), self.case
-        magnet_names = [one.name for one in file.body_magnets]
+        magnet_names = [magnet.name for magnet in file.body_magnets]
         undisturbed_run = self._fly(test_plan, {})
         losses = [
             self._lose_magnet(magnet_names.index(name), test_plan, undisturbed_run)
@@ -422,7 +422,7 @@ class LossFlights:
 
         First the acceleration falls to zero linearly, in one jerk phase of the set-point.
         """
-        rig, file, mass = (
+        rig, file, mass_kg = (
             self._rig,
             self._rig.settings,
             self.setup.assumed_rig.settings.body.mass_kg,
@@ -451,7 +451,7 @@ class LossFlights:
         feasible = (
             deceleration
             for deceleration in candidates
-            if self._can_make(magnet, np.array([-mass * deceleration * np.sign(speed)]))
+            if self._can_make(magnet, np.array([-mass_kg * deceleration * np.sign(speed)]))
         )
         selected = next(feasible, candidates[-1])
         course = plan_braking(
@@ -463,7 +463,7 @@ class LossFlights:
             easing_position[-1] + course.position,
             acceleration * (1.0 - time[:-1] / jerk_phase),
         )
-        feedforward = mass * (np.vstack([easing, course.early_derivatives[:, :3]]) @ gains)
+        feedforward = mass_kg * (np.vstack([easing, course.early_derivatives[:, :3]]) @ gains)
         return _Plan(
             np.concatenate(
                 [
@@ -491,7 +491,7 @@ class LossFlights:
         layout = wrench_layout(file, usual_allocation(file), self._rig.idle_force)
         layout.lose(magnet)
         wrenches = feedforward_wrench(self.setup.assumed_rig, feedforward).tolist()
-        return all(layout.share(one)[1] for one in wrenches)
+        return all(layout.share(wrench)[1] for wrench in wrenches)
 
     def _fly(
         self, plan: _Plan, faults: Mapping[int, int], commands: Mapping[int, Command] | None = None
@@ -514,16 +514,16 @@ class LossFlights:
 
     def _contact_speeds(self, run: Recording) -> tuple[float, float]:
         """Return the largest contact speeds, downwards and in any direction at a magnet, m/s."""
-        file, free = self._rig.settings, self._rig.settings.body.free
-        poses = np.column_stack([run[name] for name in axis_columns("pose", free)])
+        file, axes = self._rig.settings, self._rig.settings.body.free
+        poses = np.column_stack([run[name] for name in axis_columns("pose", axes)])
         speeds = np.diff(poses, axis=0) / self._rig.dt
         is_contact = (
             np.diff((np.abs(poses) > np.array(stop_distances(file))).astype(int), axis=0) > 0
         )
         at_magnets = np.abs(speeds @ magnet_rows(file).T).max(axis=1)
         down = np.zeros(len(speeds))
-        if "z" in free:
-            z = free.index("z")
+        if "z" in axes:
+            z = axes.index("z")
             is_landing = is_contact[:, z] & (poses[1:, z] < 0.0)
             rest_tick = int(np.argmax(is_landing)) + round(SLIDE_LIMIT_S / self._rig.dt)
             down = -speeds[:, z] * is_landing

@@ -80,10 +80,10 @@ class Motion(ABC):
     def filter_force(self, force: FloatArray, delay_ticks: float = 0.0) -> FloatArray:
         """Delay a force by some ticks, and pass it through the filter."""
         gain = -math.expm1(-2.0 * math.pi * min(FILTER_CORNER_HZ * self.rig.dt, 0.05))
-        passed = np.interp(self.tick_numbers - delay_ticks, self.tick_numbers, force)
+        filtered = np.interp(self.tick_numbers - delay_ticks, self.tick_numbers, force)
         for _ in range(3):
-            passed = lfilter([gain], [1.0, gain - 1.0], passed)
-        return np.asarray(passed)
+            filtered = lfilter([gain], [1.0, gain - 1.0], filtered)
+        return np.asarray(filtered)
 
     @property
     @abstractmethod

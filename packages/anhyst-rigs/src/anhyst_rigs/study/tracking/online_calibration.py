@@ -223,11 +223,11 @@ class StageCalibrator(BenchCalibrator):
             1:
         ]  # without the time: rows begin with the tick
         self._column_indices = [
-            _row_index(bench.signals, one) for one in (*self._required_columns, "error_m", "lap")
+            _row_index(bench.signals, name) for name in (*self._required_columns, "error_m", "lap")
         ]
         # positions in stored rows
         self._command_indices = [
-            1 + n for n, one in enumerate(self._required_columns) if one.startswith("command")
+            1 + n for n, name in enumerate(self._required_columns) if name.startswith("command")
         ]
         self._skipped_laps = 0
         # rows since the current was switched on, while the weight is taken up
@@ -254,18 +254,22 @@ class StageCalibrator(BenchCalibrator):
             len(self._buffer) > 1 and sum(map(len, self._buffer)) > MAX_BUFFER_S * self._bench.rate
         ):
             self._buffer.popleft()
-        pickup_tick, first = max(self._bench.plant_tick, self._bench.lift_tick), int(rows[0, 0])
-        if 0 <= pickup_tick - first < len(rows):
+        pickup_tick, first_tick = (
+            max(self._bench.plant_tick, self._bench.lift_tick),
+            int(rows[0, 0]),
+        )
+        if 0 <= pickup_tick - first_tick < len(rows):
             was_lifted_again = pickup_tick != self._bench.plant_tick
             earlier_rows = (
                 self._rows_before_lift(pickup_tick) if was_lifted_again else self._pickup_rows[:0]
             )
-            self._pickup_rows = np.concatenate([earlier_rows, rows[pickup_tick - first :]])
+            self._pickup_rows = np.concatenate([earlier_rows, rows[pickup_tick - first_tick :]])
             if was_lifted_again:  # the iron now carries the weight on another branch
                 self._estimators = {
-                    name: one.copy_without_data() for name, one in self._estimators.items()
+                    name: estimator.copy_without_data()
+                    for name, estimator in self._estimators.items()
                 }
-        elif pickup_tick <= first < pickup_tick + PICKUP_TIME_S * self._bench.rate:
+        elif pickup_tick <= first_tick < pickup_tick + PICKUP_TIME_S * self._bench.rate:
             self._pickup_rows = np.concatenate([self._pickup_rows, rows])
         for lap in tuple(self._bench.cycles):
             if rows[0, 0] <= lap.last_tick <= rows[-1, 0]:
@@ -274,7 +278,7 @@ class StageCalibrator(BenchCalibrator):
     def _rows_before_lift(self, tick: int) -> FloatArray:
         """Return rows before a lift that determine the hysteresis state: first lift to descent."""
         history_begin = max(
-            (one.history_start for one in tuple(self._bench.cycles) if one.first_tick < tick),
+            (cycle.history_start for cycle in tuple(self._bench.cycles) if cycle.first_tick < tick),
             default=0,
         )
         rows = np.concatenate(self._buffer)
@@ -288,7 +292,7 @@ class StageCalibrator(BenchCalibrator):
 
     def _process_lap(self, lap: StageCycle, run_on_bench: RunOnBench) -> None:
         """Update the estimate from a complete cycle, and put corrections into force."""
-        table = np.concatenate([one for one in self._buffer if one[-1, 0] >= lap.history_start])
+        table = np.concatenate([rows for rows in self._buffer if rows[-1, 0] >= lap.history_start])
         first, end = int(table[0, 0]), lap.last_tick
         error, laps = table[: end + 1 - first, -2:].T
         begin_row = lap.first_tick - first
@@ -342,14 +346,21 @@ class StageCalibrator(BenchCalibrator):
         """Whether a later cycle has ended; an update can take longer than a cycle."""
         tick = self._bench.tick
         return any(
-            one.number > lap.number and one.last_tick <= tick for one in tuple(self._bench.cycles)
+            cycle.number > lap.number and cycle.last_tick <= tick
+            for cycle in tuple(self._bench.cycles)
         )
 
     def _restore_best(
-        self, estimator: ParameterEstimator, best: Corrections, best_average: float, average: float
+        self,
+        estimator: ParameterEstimator,
+        best_corrections: Corrections,
+        best_average: float,
+        average: float,
     ) -> StageSetup:
         """Stop the calibration, and return the stage with the corrections of the smallest error."""
-        estimator.applied_values = dict.fromkeys(estimator.applied_values, 0.0) | dict(best)
+        estimator.applied_values = dict.fromkeys(estimator.applied_values, 0.0) | dict(
+            best_corrections
+        )
         self._stop(
             f"the moving average of {estimator.law.method} grew from {1e9 * best_average:.3g} to "
             f"{1e9 * average:.3g} nm; the corrections with the smallest error are restored"
@@ -426,7 +437,7 @@ class BearingCalibrator(BenchCalibrator):
             magnet,
             compile_block,
         )  # to a block for the board
-        self._column_indices = {one: _row_index(bench.signals, one) for one in _BEARING_COLUMNS}
+        self._column_indices = {name: _row_index(bench.signals, name) for name in _BEARING_COLUMNS}
         self._law: BearingLaw | None = None
         self._history_rows = np.zeros((0, 1 + len(bench.signals)))
         self._initial_block = self._own_block = bench.read_block()
@@ -441,9 +452,9 @@ class BearingCalibrator(BenchCalibrator):
 
     def status(self) -> Mapping[str, Any]:
         """Return what a page shows in addition to the cycles."""
-        waits = "rows are missing, so the hysteresis state is unknown; land and lift again"
-        shown = super().status()
-        return {**shown, "trouble": shown["trouble"] or (waits if self._is_waiting else "")}
+        wait_text = "rows are missing, so the hysteresis state is unknown; land and lift again"
+        status = super().status()
+        return {**status, "trouble": status["trouble"] or (wait_text if self._is_waiting else "")}
 
     def _process(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
         if len(self._buffer) == 1:  # first rows, or rows are missing: wait for zero current
@@ -531,9 +542,9 @@ class BearingCalibrator(BenchCalibrator):
             estimator.follow_estimate(WINDOW_S)
             corrections = dict(estimator.applied_values)
             if all(
-                abs(one - self._corrections.get(name, 0.0))
+                abs(value - self._corrections.get(name, 0.0))
                 <= MIN_SWAP_CHANGE * estimator.prior_sigma[name]
-                for name, one in corrections.items()
+                for name, value in corrections.items()
             ):
                 return None
             gap_zero = corrections["gap_zero_m"]

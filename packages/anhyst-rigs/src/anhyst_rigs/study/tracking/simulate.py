@@ -192,9 +192,9 @@ class VariantResult:
     def case_figures(self) -> CaseFigures:
         """All figures on the test set-point over the seeds."""
         runs = []
-        for seed, one in enumerate(self.measures):
-            crossed = {key: values[seed] for key, values in self.cross_talk.items()}
-            runs.append(None if one.is_lost else asdict(one) | crossed)
+        for seed, measures in enumerate(self.measures):
+            axis_errors = {key: values[seed] for key, values in self.cross_talk.items()}
+            runs.append(None if measures.is_lost else asdict(measures) | axis_errors)
         return CaseFigures.summarise(runs)
 
     def interval(self, key: str) -> Interval:
@@ -215,14 +215,14 @@ class VariantResult:
     @property
     def lost_in(self) -> list[str]:
         """Runs that lost the loop, without learning control."""
-        lost, count = self.case_figures.lost, self.case_figures.runs
-        tried = {
-            f"test set-point ({lost} of {count} runs)": lost > 0,
+        lost_count, count = self.case_figures.lost, self.case_figures.runs
+        is_lost_by_run = {
+            f"test set-point ({lost_count} of {count} runs)": lost_count > 0,
             "a tenth of its accelerations": self.small_force_measures.is_lost,
             "gains found on the test set-point": self.repeated_setpoint_measures.is_lost,
             "standstill": math.isinf(self.standstill_m),
         }
-        return [title for title, was_lost in tried.items() if was_lost]
+        return [title for title, was_lost in is_lost_by_run.items() if was_lost]
 
 
 @dataclass(frozen=True, repr=False)
@@ -262,14 +262,14 @@ class TrackingStudy(StudyResult):
             "test_m_per_s2": table.test_m_per_s2,
             "left_out": dict(self.left_out),
             "lost_in": self.lost_in,
-            "variants": {name: _variant_dict(one) for name, one in self.variants.items()},
-            **({"losses": [asdict(one) for one in self.losses]} if self.losses else {}),
+            "variants": {name: _variant_dict(variant) for name, variant in self.variants.items()},
+            **({"losses": [asdict(loss) for loss in self.losses]} if self.losses else {}),
         }
 
     @property
     def completed(self) -> list[MethodName]:
         """Variants that kept the loop on the test set-point."""
-        return [name for name, one in self.variants.items() if not one.case_figures.lost]
+        return [name for name, variant in self.variants.items() if not variant.case_figures.lost]
 
     @property
     def verdict(self) -> Judgement:
@@ -310,28 +310,33 @@ class TrackingStudy(StudyResult):
     def memoryless(self) -> MethodName:
         """The variant without memory that has the smallest peak."""
         methods: list[MethodName] = [*CONSTANT_METHODS, "single-valued"]
-        tried = [name for name in methods if name in self.variants]
-        held = [name for name in tried if name in self.completed]
-        return min(held or tried, key=lambda name: self.variants[name].interval("peak_m").mean)
+        candidates = [name for name in methods if name in self.variants]
+        completed = [name for name in candidates if name in self.completed]
+        return min(
+            completed or candidates, key=lambda name: self.variants[name].interval("peak_m").mean
+        )
 
     def _compare_with_best(self, names: Sequence[MethodName]) -> list[ComparedFigure]:
         """Compare each figure with the smallest one of some variants."""
         compared = []
         for metric in (PEAK_ERROR, MOVING_AVERAGE, SETTLING_TIME):
             intervals = {name: self.variants[name].interval(metric.key) for name in names}
-            best = min(intervals, key=lambda name: intervals[name].mean)
-            own = self.variants[COMPENSATOR].interval(metric.key)
-            compared.append(compare(metric.title, best, own, intervals[best]))
+            best_name = min(intervals, key=lambda name: intervals[name].mean)
+            own_interval = self.variants[COMPENSATOR].interval(metric.key)
+            compared.append(compare(metric.title, best_name, own_interval, intervals[best_name]))
         return compared
 
     def facts(self) -> dict[str, str]:
         """Return peak and moving average of the error of every variant."""
         facts = {"rig": self.rig.settings.name}
-        for name, one in self.variants.items():
-            peak, average = 1e9 * one.interval("peak_m").mean, 1e9 * one.interval("average_m").mean
+        for name, variant in self.variants.items():
+            peak, average = (
+                1e9 * variant.interval("peak_m").mean,
+                1e9 * variant.interval("average_m").mean,
+            )
             facts[name] = f"peak {peak:.0f} nm, moving average {average:.1f} nm"
             for metric in cross_talk_metrics(self.rig.settings):
-                largest = metric.factor * one.interval(metric.key).mean
+                largest = metric.factor * variant.interval(metric.key).mean
                 facts[name] += f", {metric.title.partition(',')[0]} {largest:.0f} {metric.unit}"
         return facts | self.losses_fact()
 
@@ -341,15 +346,17 @@ class TrackingStudy(StudyResult):
         rows = self.variants.items()
         return rows_to_columns(
             [
-                {"variant": own, **{name: one.interval(name).mean for name in names}}
-                for own, one in rows
+                {"variant": variant_name, **{name: variant.interval(name).mean for name in names}}
+                for variant_name, variant in rows
             ]
         )
 
     def draw(self, ax: Axes) -> None:
         """Draw the error of every variant over the test set-point, for one noise seed."""
-        for name, one in self.variants.items():
-            ax.plot(one.recording["t_s"], 1e9 * one.recording["error_m"], lw=0.8, label=name)
+        for name, variant in self.variants.items():
+            ax.plot(
+                variant.recording["t_s"], 1e9 * variant.recording["error_m"], lw=0.8, label=name
+            )
         ax.set_xlabel("time [s]")
         ax.set_ylabel("error [nm]")
 
@@ -392,26 +399,30 @@ def evaluate_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> VariantResu
     else:
         runs = [estimator.run_and_update(setup.drift, motion, gains, seed) for seed in seeds]
         setup = estimator.corrected_stage(setup.drift)
-    small = scan_motion(table, [SMALL_ACCELERATION_RATIO * peak for peak in table.test_m_per_s2])
+    small_motion = scan_motion(
+        table, [SMALL_ACCELERATION_RATIO * peak for peak in table.test_m_per_s2]
+    )
     test_gains = find_gains(setup, motion)
     trials = run_learning_control(setup, gains)
     stationary = stationary_axes(setup.rig.settings)
-    crossed = [cross_talk(run, motion, stationary) for run in runs]
+    axis_errors = [cross_talk(run, motion, stationary) for run in runs]
     return VariantResult(
         gains=gains,
         measures=tuple(measure(run, motion, table.slit_s) for run in runs),
         settling_times=tuple(
-            tuple(one for run in runs for one in settling_times(run, motion, band))
+            tuple(time for run in runs for time in settling_times(run, motion, band))
             for band in SETTLING_BANDS_M
         ),
         recording=runs[0],
-        small_force_measures=measure(track(setup, small, gains, 1), small, table.slit_s),
+        small_force_measures=measure(
+            track(setup, small_motion, gains, 1), small_motion, table.slit_s
+        ),
         repeated_setpoint_measures=measure(
             track(setup, motion, test_gains, 1), motion, table.slit_s
         ),
         standstill_errors=measure_standstill(setup, gains),
         learning_peaks_m=tuple(measure(run, motion, table.slit_s).peak_m for run in trials),
-        cross_talk={key: tuple(one[key] for one in crossed) for key in crossed[0]},
+        cross_talk={key: tuple(errors[key] for errors in axis_errors) for key in axis_errors[0]},
         calibration=None if estimator is None else estimator.calibration,
     )
 
