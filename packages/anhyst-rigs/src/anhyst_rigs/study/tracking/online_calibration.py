@@ -33,7 +33,7 @@ from anhyst_rigs.study.tracking.estimator import FORGETTING_TIME_S, ParameterEst
 from anhyst_rigs.study.tracking.measures import slit_statistics
 from anhyst_rigs.study.tracking.motion import Motion, MotionLaw, refuse_slow_amplifier
 
-MAX_SHOWN_LAPS = 500
+MAX_SHOWN_CYCLES = 500
 """Number of cycles that a page can draw."""
 PICKUP_TIME_S = 0.1
 """Time to take up the weight of a body, s. These rows are kept, because they determine
@@ -65,7 +65,7 @@ RunOnBench = Callable[[Callable[[], None]], None]
 """Runs a function in the bench's thread, between two ticks."""
 
 
-class LearntLap(NamedTuple):
+class CycleResult(NamedTuple):
     """Errors of one cycle (or window of a bearing), and the estimate after it."""
 
     tick: int  # last tick
@@ -95,21 +95,21 @@ class _CorrectionHistory:
         """Record the corrections of a setup that is put into force."""
         self._entries.append((setup, {name: value for name, value in corrections.items() if value}))
 
-    def corrections_of(self, lap: StageCycle) -> Corrections | None:
+    def corrections_of(self, cycle: StageCycle) -> Corrections | None:
         """Return the corrections during a cycle, or None if they are no longer stored."""
         return next(
-            (corrections for setup, corrections in self._entries if setup is lap.setup), None
+            (corrections for setup, corrections in self._entries if setup is cycle.setup), None
         )
 
     def find_better(
-        self, lap: StageCycle, corrections: Corrections, average: float
+        self, cycle: StageCycle, corrections: Corrections, average: float
     ) -> tuple[Corrections, float] | None:
         """Return better corrections and their error, m, if the last two cycles were worse."""
         if (
-            lap.conditions != self._conditions
+            cycle.conditions != self._conditions
         ):  # other conditions (plant, load or gain): no earlier errors
             self._conditions, self._last_average, self._best_average = (
-                lap.conditions,
+                cycle.conditions,
                 math.inf,
                 math.inf,
             )
@@ -135,7 +135,7 @@ class BenchCalibrator:
 
     def __init__(self, bench: Bench, is_on: bool = False) -> None:
         self.is_on = is_on
-        self.laps: deque[LearntLap] = deque(maxlen=MAX_SHOWN_LAPS)
+        self.laps: deque[CycleResult] = deque(maxlen=MAX_SHOWN_CYCLES)
         self._clock = bench
         self._estimators: dict[MethodName, ParameterEstimator] = {}
         self._uncorrected_error: dict[MethodName, float] = {}  # error without corrections
@@ -190,7 +190,7 @@ class BenchCalibrator:
         """Stop the calibration, and show the reason."""
         self._stop_reason, self.is_on = f"calibration stopped: {reason}", False
 
-    def _record_lap(self, lap: LearntLap, estimator: ParameterEstimator | None) -> None:
+    def _record_cycle(self, cycle: CycleResult, estimator: ParameterEstimator | None) -> None:
         """Store what a page draws of a cycle."""
         if estimator is not None:
             values = {
@@ -203,8 +203,8 @@ class BenchCalibrator:
                 for parameter in estimator.calibration.parameter
                 if parameter.name in estimator.identified
             }
-            lap = lap._replace(refused=estimator.rejected_count, values=values)
-        self.laps.append(lap)
+            cycle = cycle._replace(refused=estimator.rejected_count, values=values)
+        self.laps.append(cycle)
 
     @property
     def _refusal(self) -> InputError | None:
@@ -229,7 +229,7 @@ class StageCalibrator(BenchCalibrator):
         self._command_indices = [
             1 + n for n, name in enumerate(self._required_columns) if name.startswith("command")
         ]
-        self._skipped_laps = 0
+        self._skipped_cycles = 0
         # rows since the current was switched on, while the weight is taken up
         self._pickup_rows = np.zeros((0, 1 + len(self._column_indices)))
         self._laws: dict[MethodName, MotionLaw] = {}
@@ -238,12 +238,12 @@ class StageCalibrator(BenchCalibrator):
     def revert(self) -> int:
         """Delete all estimates, and put the setups of the rig file into force."""
         super().revert()
-        self._histories, self._skipped_laps = {}, 0
+        self._histories, self._skipped_cycles = {}, 0
         return [self._bench.correct(setup) for setup in self._bench.setups][-1]
 
     def status(self) -> Mapping[str, Any]:
         """Return what a page shows in addition to the cycles."""
-        return {**super().status(), "left_out": self._skipped_laps}
+        return {**super().status(), "left_out": self._skipped_cycles}
 
     def process_rows(self, rows: FloatArray, run_on_bench: RunOnBench) -> None:
         """Store rows and update the estimate from each cycle that ends with them."""
@@ -271,9 +271,9 @@ class StageCalibrator(BenchCalibrator):
                 }
         elif pickup_tick <= first_tick < pickup_tick + PICKUP_TIME_S * self._bench.rate:
             self._pickup_rows = np.concatenate([self._pickup_rows, rows])
-        for lap in tuple(self._bench.cycles):
-            if rows[0, 0] <= lap.last_tick <= rows[-1, 0]:
-                self._process_lap(lap, run_on_bench)
+        for cycle in tuple(self._bench.cycles):
+            if rows[0, 0] <= cycle.last_tick <= rows[-1, 0]:
+                self._process_cycle(cycle, run_on_bench)
 
     def _rows_before_lift(self, tick: int) -> FloatArray:
         """Return rows before a lift that determine the hysteresis state: first lift to descent."""
@@ -290,64 +290,68 @@ class StageCalibrator(BenchCalibrator):
             [self._pickup_rows[is_earlier], rows[has_current | np.roll(has_current, 1)]]
         )
 
-    def _process_lap(self, lap: StageCycle, run_on_bench: RunOnBench) -> None:
+    def _process_cycle(self, cycle: StageCycle, run_on_bench: RunOnBench) -> None:
         """Update the estimate from a complete cycle, and put corrections into force."""
-        table = np.concatenate([rows for rows in self._buffer if rows[-1, 0] >= lap.history_start])
-        first, end = int(table[0, 0]), lap.last_tick
+        table = np.concatenate(
+            [rows for rows in self._buffer if rows[-1, 0] >= cycle.history_start]
+        )
+        first, end = int(table[0, 0]), cycle.last_tick
         error, laps = table[: end + 1 - first, -2:].T
-        begin_row = lap.first_tick - first
-        if begin_row < 0 or np.any(laps[begin_row:] != lap.number):
+        begin_row = cycle.first_tick - first
+        if begin_row < 0 or np.any(laps[begin_row:] != cycle.number):
             return
         slit, dt = self._rig.settings.scan.slit_s, self._rig.dt
-        windows = slit_statistics(error[begin_row:], lap.motion, slit, dt)
+        windows = slit_statistics(error[begin_row:], cycle.motion, slit, dt)
         peak_error = peak_deviation(error[begin_row:])
         average = max(
             (peak_deviation(mean) for mean, _ in windows if mean.size), default=peak_error
         )
         estimators, is_learning, setup = self._estimators, self.is_on, None
         estimator, history = (
-            estimators.get(lap.method),
-            self._histories.setdefault(lap.method, _CorrectionHistory()),
+            estimators.get(cycle.method),
+            self._histories.setdefault(cycle.method, _CorrectionHistory()),
         )
-        is_original_setup = any(lap.setup is setup for setup in self._bench.setups)
+        is_original_setup = any(cycle.setup is setup for setup in self._bench.setups)
         is_uncorrected = is_original_setup and (
             estimator is None or not any(estimator.applied_values.values())
         )
-        corrections = {} if is_original_setup else history.corrections_of(lap)
-        better = None if corrections is None else history.find_better(lap, corrections, average)
+        corrections = {} if is_original_setup else history.corrections_of(cycle)
+        better = None if corrections is None else history.find_better(cycle, corrections, average)
         if is_learning and better is not None and estimator is not None:
             setup = self._restore_best(estimator, *better, average)
-        elif is_learning and self._is_superseded(lap):
-            is_learning, self._skipped_laps = False, self._skipped_laps + 1
-        elif is_learning and lap.history_start >= first and end > self._start_tick:
-            is_earlier = self._pickup_rows[:, 0] < lap.history_start
-            rows = table[lap.history_start - first : end + 1 - first, 1:]
+        elif is_learning and self._is_superseded(cycle):
+            is_learning, self._skipped_cycles = False, self._skipped_cycles + 1
+        elif is_learning and cycle.history_start >= first and end > self._start_tick:
+            is_earlier = self._pickup_rows[:, 0] < cycle.history_start
+            rows = table[cycle.history_start - first : end + 1 - first, 1:]
             rows = np.concatenate([self._pickup_rows[is_earlier, 1:], rows])
             columns = dict(zip(self._required_columns, rows.T, strict=False))
-            setup = self._update(estimators, lap, columns, len(rows) - lap.tick_count)
-        estimator = estimators.get(lap.method)
+            setup = self._update(estimators, cycle, columns, len(rows) - cycle.tick_count)
+        estimator = estimators.get(cycle.method)
 
         def act() -> None:
             if estimators is not self._estimators:
                 return  # reverted meanwhile
             if is_uncorrected:
-                self._uncorrected_error[lap.method] = average
+                self._uncorrected_error[cycle.method] = average
             if setup is not None and estimator is not None:
                 self._bench.correct(setup)
                 history.add(setup, estimator.applied_values)
-            self._record_lap(
-                LearntLap(end, lap.number, lap.method, average, peak_error, is_learning, 0, {}),
+            self._record_cycle(
+                CycleResult(
+                    end, cycle.number, cycle.method, average, peak_error, is_learning, 0, {}
+                ),
                 estimator,
             )
 
         run_on_bench(act)
 
-    def _is_superseded(self, lap: StageCycle) -> bool:
+    def _is_superseded(self, cycle: StageCycle) -> bool:
         """Whether a later cycle has ended; an update can take longer than a cycle."""
         tick = self._bench.tick
         return any(
-            cycle.number > lap.number and cycle.last_tick <= tick
-            for cycle in tuple(self._bench.cycles)
+            other.number > cycle.number and other.last_tick <= tick
+            for other in tuple(self._bench.cycles)
         )
 
     def _restore_best(
@@ -370,12 +374,12 @@ class StageCalibrator(BenchCalibrator):
     def _update(
         self,
         estimators: dict[MethodName, ParameterEstimator],
-        lap: StageCycle,
+        cycle: StageCycle,
         columns: Mapping[str, FloatArray],
         begin_row: int,
     ) -> StageSetup | None:
         """Update the estimate from a cycle; return a new setup, or None without a change."""
-        method = lap.method
+        method = cycle.method
         if method not in self._laws:
             self._laws[method] = StageLaw(self._rig, self._magnet, method)
         estimator = estimators.setdefault(
@@ -384,7 +388,7 @@ class StageCalibrator(BenchCalibrator):
         before = dict(estimator.applied_values)
         try:
             estimator.update(self._laws[method].make_motion(columns, begin_row))
-            estimator.follow_estimate(lap.motion.duration)
+            estimator.follow_estimate(cycle.motion.duration)
             return None if estimator.applied_values == before else estimator.corrected_stage()
         except (InputError, np.linalg.LinAlgError) as error:
             self._stop(str(error))
@@ -518,7 +522,7 @@ class BearingCalibrator(BenchCalibrator):
                 )
             elif update is not None:
                 self._swap_block(*update)
-            lap = LearntLap(
+            cycle = CycleResult(
                 end,
                 0,
                 self._method,
@@ -528,7 +532,7 @@ class BearingCalibrator(BenchCalibrator):
                 0,
                 {},
             )
-            self._record_lap(lap, self._estimators.get(self._method))
+            self._record_cycle(cycle, self._estimators.get(self._method))
 
         run_on_bench(act)
 
