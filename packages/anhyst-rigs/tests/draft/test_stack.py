@@ -106,7 +106,7 @@ def test_what_is_no_stack_is_refused() -> None:
     straight = 0.3e-6 * drive
     with refused("no-piezo: show no hysteresis"):
         fit_stack(loops(drive, straight))
-    with refused("no-piezo: are followed by no stack"):
+    with refused("no-piezo: are not those of a stack"):
         fit_stack(loops(drive, straight + rng.normal(0.0, 5e-6, drive.size)))
     with refused("output-falls"):
         fit_stack(loops(drive, -plant(drive)))
