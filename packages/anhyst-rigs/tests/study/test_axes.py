@@ -1,4 +1,4 @@
-"""Bodies of several coordinates: what their files say, how they follow, and that the form is open."""
+"""Test bodies with several coordinates: rig files, tracking, and other kinds of bodies."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ PLANAR = (EXAMPLES / "planar" / "rig.toml").read_text()
 
 @cache
 def planar() -> BodyRig:
-    """Return the example with the iron that is known without a search, where nothing is lost."""
+    """Return the example with a known iron, for which no search is needed and no loop is lost."""
     rig = read_stage(EXAMPLES / "planar" / "rig.toml")
     changes = {"irons": list(stages.stage().settings.irons), "cases": [rig.settings.scan]}
     changed = rig.settings.model_copy(update=changes)
@@ -131,7 +131,7 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
     assert np.ptp(pose[:, 0]) > 0.02
     assert np.abs(pose[:, 4]).max() > 3e-6
     for number, one in enumerate(file.position_sensors, len(file.body_magnets) + 1):
-        # along its beam to a mirror that is turned with the body
+        # along the beam to a mirror that rotates with the body
         assert one.position_m is not None
         normal = turned.apply(one.direction)
         way = np.sum((pose[:, :3] + turned.apply(one.position_m) - one.position_m) * normal, axis=1)
@@ -208,7 +208,8 @@ SIXTY = np.sqrt(0.75).item()
 
 
 def three_magnets(folder: Path) -> Path:
-    """Write a rig of another kind of body: two coordinates, three magnets 120 degrees apart."""
+    """Write a rig with another kind of body: two coordinates, three magnets 120 degrees from each
+    other."""
     text = (EXAMPLES / "stage" / "rig.toml").read_text()
     begin, end = text.index('[[magnet]]\nname = "second"'), text.index("[[amplifier]]")
     others = "".join(

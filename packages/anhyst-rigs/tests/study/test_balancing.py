@@ -1,4 +1,4 @@
-"""A body of several coordinates whose magnets are not what they seem, and what its motion teaches."""
+"""Test the calibration of a body with several coordinates from its motion."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ from tests.study.test_axes import EXAMPLES, planar
 
 
 def short(pinning_percent: float = 0.0) -> BodyRig:
-    """Return the example with short set-points; what widths must be learnt, is compiled anew."""
+    """Return the example with short set-points and few loop widths, since each needs a compilation.
+    """
     scan = {f"scan.{key}": value for key, value in stages.SHORT.items()}
     spread = {"spread.pinning_percent": pinning_percent}
     return change_rig(planar(), {**scan, **spread, "noise_seeds": 2})
@@ -52,7 +53,7 @@ def recorded(method: MethodName = "full") -> Recording:
 def left(setup: StageSetup, way: str = "x") -> tuple[float, float]:
     """Return moving average along a way and largest error about z on a set-point never learnt on.
 
-    Along y its accelerations are halved.
+    Its accelerations along y are halved.
     """
     scan = short().settings.scan
     peaks = [one / (1 + (way == "y")) for one in scan.test_m_per_s2]
@@ -98,7 +99,7 @@ def test_what_a_motion_keeps_of_a_law_is_never_that_of_another() -> None:
     place = id(law)
     del law
     laws = [StageLaw(short(), bearings.knowledge(), "play")]
-    while id(laws[-1]) != place and len(laws) < 100:  # until one stands where the first one stood
+    while id(laws[-1]) != place and len(laws) < 100:  # until one has the position of the first one
         laws.append(StageLaw(short(), bearings.knowledge(), "play"))
     expected = laws[-1].net_force(laws[-1].make_motion(recorded().columns), zero)
     assert (laws[-1].net_force(motion, zero) == expected).all()
@@ -106,7 +107,7 @@ def test_what_a_motion_keeps_of_a_law_is_never_that_of_another() -> None:
 
 def test_what_no_motion_showed_stays_and_is_said() -> None:
     found = {one.name: one for one in taught("full", recorded()).calibration.parameter}
-    unseen = found["gap_zero_5_m"]  # of the pair along y, which rests
+    unseen = found["gap_zero_5_m"]  # of the pair along y, which does not move
     assert (unseen.value, unseen.sigma, unseen.frozen) == (0.0, unseen.prior, True)
     assert not found["scale_1"].frozen
     assert found["scale_1"].sigma < 0.7 * found["scale_1"].prior

@@ -1,4 +1,4 @@
-"""A bearing that learns from its motion: what a recording teaches, what it must not, what it is for."""
+"""Test the calibration of a bearing from its motion: recordings, rejections, and the gain."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from tests.study import bearings
 WRONG = Drift(pinning=0.2, gap_offset=10e-6)
 """The plant of the table: wider loops, and a gap that reads too much."""
 UNSURE = {"spread.gap_zero_m": 5e-6}
-"""What the rig file says of the gap, which no motion moves by more than four times that."""
+"""Prior standard deviation of the gap zero in the rig file; estimates stay within four of them."""
 
 
 def rig(two: bool = False) -> BodyRig:
@@ -75,7 +75,7 @@ def learnt(two: bool = False) -> CalibratedMethod:
 
 
 def corrected(folder: Path, two: bool = False) -> BodyRig:
-    """The rig, which names what was learnt."""
+    """The rig with the calibration."""
     assert taught(recorded(two), two, folder / "calibration.toml").has_estimates
     named = change_rig(rig(two), {"control.calibration": "calibration.toml"})
     return replace(named, path=folder / "rig.toml")
@@ -86,7 +86,7 @@ def with_columns(**others: np.ndarray) -> Recording:
 
 
 def force_error(of: BearingSetup, drift: Drift) -> float:
-    """Of the second period of the slow triangle, N."""
+    """Force error in the second period of the slow triangle, N."""
     scenario, begin = plan_trajectory(of, of.rig.settings.trajectories[0])
     run = flown(of, scenario, drift).slice_ticks(begin, scenario.ticks)
     return rms(run["force_N"] - run["demand_N"])
@@ -121,7 +121,7 @@ def test_overshoot_after_calibration_is_that_of_a_bearing_that_never_drifted(
     after = make_setup(corrected(tmp_path), table, bearings.knowledge(), "full", "fixed")
 
     def overshoot(of: BearingSetup, drift: Drift) -> float:
-        """Of the highest step, which noise moves least, %."""
+        """Overshoot of the highest step, on which noise has the least effect, %."""
         return float(run_bearing({"full": of}, "full", drift, 1)["overshoot_percent"][-1])
 
     assert overshoot(after, WRONG) < 1.2 * overshoot(setup(), NO_DRIFT) + 0.05
@@ -242,7 +242,7 @@ def test_a_reading_beyond_all_numbers_is_refused() -> None:
 
 
 def naming(folder: Path) -> Path:
-    """The example's rig file, which names a calibration beside it."""
+    """The example's rig file with a calibration in the same folder."""
     place, kind = bearings.copy_known(folder), 'kind = "levitation"'
     text = place.read_text(encoding="utf-8")
     place.write_text(text.replace(kind, f'calibration = "calibration.toml"\n{kind}'), "utf-8")

@@ -1,4 +1,4 @@
-"""Calibration from motion: what a recording teaches of the magnets, and what it must not."""
+"""Test the calibration of a stage from recorded motion: estimates and rejections."""
 
 from __future__ import annotations
 
@@ -331,9 +331,7 @@ def test_no_file_corrects_by_more_than_any_calibration(
 
 @pytest.mark.slow
 def test_an_oracle_that_sees_true_forces_and_currents_finds_the_same_numbers() -> None:
-    """Least squares of its own, tick by tick, without filter, delay, prior or recorded readings.
-
-    The flux lags as a low-pass of the true currents does; the law is asked sample by sample.
+    """Independent least squares: tick by tick, without filter, delay, prior or recorded readings.
     """
     run, found = recorded(), learnt()
     compensator = corrected().compensator

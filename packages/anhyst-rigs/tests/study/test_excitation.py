@@ -1,4 +1,4 @@
-"""The shortest move that shows what a stage is off by: what is chosen, and what it is worth."""
+"""Test the design of the shortest calibration move of a stage, and its gain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many magnets of one type: who is good, who does not belong, how they scatter."""
+"""Test a fleet of magnets: tolerance, outliers and scatter."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_a_quantity_that_no_loop_determines_moves_nobody() -> None:
 
 
 def test_a_quantity_at_the_end_of_its_range_is_as_uncertain_as_its_loops_leave_it() -> None:
-    # Reversible parts of 0 +- 0.3 beside others of 0.2 +- 0.01: those must not count as exact.
+    # Reversible parts of 0 +- 0.3 and of 0.2 +- 0.01: the first must not count as exact.
     rng = np.random.default_rng(8)
     sure = [
         MagnetEstimate.from_uncertainty([0.2 + 0.01 * one], [0.01], [])
@@ -139,7 +139,7 @@ def test_results_do_not_become_magnets(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def magnets(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write three magnets, one with pinning of its own kind, and a damaged file."""
+    """Write three magnets, one with different pinning, and a damaged file."""
     folder = tmp_path_factory.mktemp("magnets")
     write_fleet(folder, 4)
     loops_of(magnet(1.8, 1.0), 99).save(folder / "odd.csv")
@@ -157,7 +157,7 @@ def test_a_fleet_is_judged_and_one_damaged_file_stops_nobody(found: Fleet) -> No
     assert [one["name"] for one in found.evaluated] == ["m00", "m01", "m02", "m03", "odd"]
     assert list(found.failed) == ["damaged"]
     assert "damaged.csv: line 2" in found.failed["damaged"]
-    # Each with its own controller is good; outputs that differ by 5 % are not, with one for all.
+    # Each is good with its controller; with a common model, outputs that differ by 5 % are not.
     assert all(found.is_good)
     assert sum(found.is_good_shared) < 4
     assert found.outliers == ["odd"]
@@ -184,7 +184,7 @@ def test_a_stopped_run_goes_on_and_gives_the_same(
     (found.out / "m02" / RESULT_FILE).write_text('{"name": "m02"')  # the power went
     again = fleet(magnets, found.out, SETTINGS, jobs=1)
     assert kept.stat().st_mtime_ns == stamp
-    # Byte for byte, but for the folders' times in no file: the same files in any order of work.
+    # Any order of work gives the same files, byte for byte; no file contains a time.
     assert {path: path.read_bytes() for path in found.out.rglob("*.json")} == before
     assert again.as_dict() == found.as_dict()
     monkeypatch.setattr(whole, "map_ordered", lambda *_: [{"name": "a", "error": "broken"}])
@@ -242,7 +242,7 @@ def test_the_magnets_that_choose_are_identified_once(
 
     def counted(*given: Any, **named: Any) -> Any:
         count.append(named["law"])
-        chosen = {"law": "effective-field", "gap_map": "reluctance"}  # what auto would find
+        chosen = {"law": "effective-field", "gap_map": "reluctance"}  # the choice of auto
         return identify(*given, **named | chosen)
 
     monkeypatch.setattr("anhyst_rigs.study.fleet_magnets.identify", counted)
@@ -254,12 +254,12 @@ def test_the_magnets_that_choose_are_identified_once(
     before = (out / "m01" / "model.toml").read_bytes()
     (
         out / "m01" / RESULT_FILE
-    ).unlink()  # stopped before it was judged: it is asked again what it was
+    ).unlink()  # stopped before the evaluation: it is identified again with its first settings
     count.clear()
     again = fleet(tmp_path / "magnets", out, replace(settings, tolerance=0.01), jobs=1)
     assert count == ["auto"]
     assert (out / "m01" / "model.toml").read_bytes() == before
-    assert not any(again.is_good)  # a tolerance is held against what is known
+    assert not any(again.is_good)  # a changed tolerance uses stored results
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""A stage that calibrates itself while it works: what it learns, how fast, and what it must not."""
+"""Test the online calibration of a stage: estimates, rates, forgetting and rejections."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_an_hour_at_rest_under_a_varying_load_moves_nothing() -> None:
 
 @pytest.mark.slow
 def test_minutes_of_work_drift_by_less_than_a_tenth_of_what_is_stated() -> None:
-    """Scans of three noise seeds by turns; what is forgotten is learnt again."""
+    """Scans with three noise seeds in turn; the estimate recovers after forgetting."""
     setup = replace(stages.setup("flux"), drift=WRONG)
     runs = [track(setup, training(), Feedforward(), seed) for seed in (1, 2, 3)]
     scans = [motion_of_run(run) for run in runs]
@@ -113,7 +113,7 @@ def test_after_a_fault_of_a_sensor_nothing_is_learnt(
     assert not learner.update(motion_of_run(recorded(), **{column: fault(recorded()[column])}))
     assert learner.rejected_count == 1
     assert learner.estimate == before
-    assert learner.update(motion_of_run(recorded()))  # and goes on afterwards
+    assert learner.update(motion_of_run(recorded()))  # and the next motion is accepted
 
 
 @pytest.mark.parametrize(

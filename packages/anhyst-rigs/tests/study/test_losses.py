@@ -39,7 +39,7 @@ from tests.study.test_axes import planar
 def laid(name: str, peaks: tuple[float, ...] = (22.0, 10.0), heads: int = 0) -> StageSetup:
     """Return the example with the magnets of a layout, which looks for lost ones.
 
-    And at so many heads, if any; a seventh one looks at the fourth corner.
+    With a number of heads, if given; a seventh one measures at the fourth corner.
     """
     file, lines = planar().settings, LAYOUTS[name]
     more = file.position_sensors[-1].model_copy(update={"position_m": [0.12, -0.1, -0.05]})
@@ -117,7 +117,7 @@ def test_what_cannot_be_spared_is_set_down(circuit: Literal["open", "short"]) ->
 
 
 def lost_after(read: Sequence[Sequence[float]]) -> list[int]:
-    """Return what is lost after each tick in which so much is read of the first magnets."""
+    """Return the lost magnets after each tick, for given readings of the first magnets."""
     controller, told, found = make_axes_controller(laid("10")), [0.0] * 10, []
     for row in [*[[]] * 40, *read]:
         now = [*row, *told[len(row) :]]
@@ -155,7 +155,7 @@ UP, DOWN, TICKS = 200, 2200, 4200
 def commanded(
     setup: StageSetup, commands: Mapping[int, Command], since: int = 0, failing: int = 0
 ) -> Recording:
-    """Return the loop's own record of a body that lies off its place, and what fails from a tick on."""
+    """Return the record of a body that rests away from its position, with faults from a tick on."""
     rig = setup.rig
     bearing = drifted_plant(rig, NO_DRIFT, 1)
     bearing.place([*_AT_REST], [0.0] * 6)
@@ -182,11 +182,11 @@ def phases(run: Recording) -> list[int]:
 def test_from_rest_off_its_place_to_flight_and_back() -> None:
     run = commanded(laid("10", heads=6), {UP: Command.LIFT, DOWN: Command.LAND})
     assert phases(run) == [0, 2, 3, 4, 0]
-    assert set(run["flags"][:DOWN]) <= {0, int(Flag.GAP_LIMITED)}  # where the body lies
+    assert set(run["flags"][:DOWN]) <= {0, int(Flag.GAP_LIMITED)}  # position of rest
     pose, speed = poses(run), run["velocity_3_m_per_s"]
     hover = slice(DOWN - 100, DOWN)
     assert np.abs(pose[hover, :3]).max() < 30e-9
-    assert pose[:, 2].max() < 3e-6  # of 100 to the upper stop
+    assert pose[:, 2].max() < 3e-6  # of 100 um to the upper stop
     assert np.abs(pose[:, :2]).max() < 61e-6
     assert pose[:, 0].min() > -3e-6
     assert speed[UP:].max() < 5e-3

@@ -1,4 +1,4 @@
-"""Drifted plants: each its own, the same whoever runs it and when, and none is run twice."""
+"""Test drifted plants: each depends on seed and number only, and none is simulated twice."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ NONE = dict.fromkeys(SpreadTable.model_fields, 0.0)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the example with its model identified, so that it need not be again."""
+    """Return the example with an identified model, so that it is identified once."""
     place = tmp_path_factory.mktemp("bearing")
     for path in EXAMPLE.glob("*.*"):
         shutil.copy(path, place)
@@ -439,7 +439,7 @@ def test_percentiles_are_values_that_occurred(whole: MonteCarlo) -> None:
 
 
 def test_the_verdict_compares_plant_by_plant(whole: MonteCarlo) -> None:
-    """Plants differ by more than what the controllers leave: what is paired is certain."""
+    """Plants differ by more than the methods, but paired differences are significant."""
     assert whole.verdict.level in {"yes", "mixed"}
     first = MonteCarlo(
         whole.plants, whole.drifts[:1], {name: runs[:1] for name, runs in whole.runs.items()}

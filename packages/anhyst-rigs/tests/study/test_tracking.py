@@ -1,4 +1,4 @@
-"""A stage that follows set-points: what the loop is, and what compensation is worth in it."""
+"""Test a stage that follows set-points: its loop, and the gain of compensation."""
 
 from __future__ import annotations
 
