@@ -30,8 +30,7 @@ from tests.study.test_axes import EXAMPLES, planar
 
 
 def short(pinning_percent: float = 0.0) -> BodyRig:
-    """Return the example with short set-points and few loop widths, since each needs a compilation.
-    """
+    """Return the example with short set-points and few loop widths, since each needs a compilation."""
     scan = {f"scan.{key}": value for key, value in stages.SHORT.items()}
     spread = {"spread.pinning_percent": pinning_percent}
     return change_rig(planar(), {**scan, **spread, "noise_seeds": 2})

@@ -331,8 +331,7 @@ def test_no_file_corrects_by_more_than_any_calibration(
 
 @pytest.mark.slow
 def test_an_oracle_that_sees_true_forces_and_currents_finds_the_same_numbers() -> None:
-    """Independent least squares: tick by tick, without filter, delay, prior or recorded readings.
-    """
+    """Independent least squares: tick by tick, without filter, delay, prior or recorded readings."""
     run, found = recorded(), learnt()
     compensator = corrected().compensator
     truth = run["force_N"] - found.value("bias_N")

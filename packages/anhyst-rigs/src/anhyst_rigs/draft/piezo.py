@@ -193,10 +193,8 @@ class _FitProblem:
         from scipy.optimize import least_squares
 
         extra = [0.0] * len(creep_times)
-        low, high = (
-            [-3.0, 0.0, 0.0, *extra],
-            [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)],
-        )
+        low = [-3.0, 0.0, 0.0, *extra]
+        high = [6.0, 5.0, self.max_lag + 1e-9, *(0.1 for _ in creep_times)]
         shapes = (
             [[start, 0.3, 0.0] for start in INITIAL_LOG_BETAS]
             if initial is None

@@ -122,11 +122,9 @@ def bearing_specimen(rig: BodyRig) -> Specimen:
     """Return the first magnet of a body as specimen; its table must be complete."""
     settings = rig.settings
     amplifier, excite, campaign = settings.amplifier, settings.excite, settings.measurement
-    poles, current_sensor, force_sensor = (
-        settings.magnet.poles,
-        settings.current_sensor,
-        settings.force_sensor,
-    )
+    poles = settings.magnet.poles
+    current_sensor = settings.current_sensor
+    force_sensor = settings.force_sensor
     currents = [
         Bound(amplifier.current_high_A, "amplifier.current_high_A"),
         Bound(SENSOR_RANGE_RATIO * current_sensor.high_A, "current_sensor.high_A"),
@@ -385,10 +383,8 @@ def design_records(specimen: Specimen, peak: float, operating: float) -> list[Re
         approach, history = sine_path(approach_reversals, step), DEMAGNETISED
     else:
         approach_reversals = [0.0, *[peak, 0.0] * specimen.conditioning_cycles]
-        approach, history = (
-            sweep_path(approach_reversals, step),
-            History("conditioned", tuple(approach_reversals)),
-        )
+        approach = sweep_path(approach_reversals, step)
+        history = History("conditioned", tuple(approach_reversals))
     lower_end = -peak if specimen.is_bipolar else 0.0
     first_reversal, *reversals = (
         lower_end + share * (peak - lower_end) for share in REVERSAL_RATIOS

@@ -278,10 +278,8 @@ class BoardDrive:
                 )
             rows = self._bench.advance(self._chunk_ticks)
         time = float(rows[-1, 0]) / self._bench.rate
-        current, winding = (
-            float(rows[:, self._column_indices["current"]].mean()),
-            self._specimen.winding,
-        )
+        current = float(rows[:, self._column_indices["current"]].mean())
+        winding = self._specimen.winding
         if winding is None:
             self._warmth = np.nan
         elif self._samples:
@@ -299,10 +297,8 @@ class BoardDrive:
             parts.append(self._read_rows())
         rows = np.concatenate(parts)
         last_row = rows[-1]
-        state, fault = (
-            State(int(last_row[self._column_indices["state"]])),
-            Fault(int(last_row[self._column_indices["fault"]])),
-        )
+        state = State(int(last_row[self._column_indices["state"]]))
+        fault = Fault(int(last_row[self._column_indices["fault"]]))
         if state is not State.RUN:
             reason = "" if fault is Fault.NONE else f" ({fault.name.lower().replace('_', ' ')})"
             raise InputError(

@@ -207,10 +207,8 @@ class StageLaw(MotionLaw):
         # Tuned values: 0.0015 and 0.9 with six coordinates, 0.0023 and 0.85 with one. With a
         # smaller sigma, many motions fit errors of the model; with a larger one, a motion gives
         # little information. With more coordinates, model errors spread over them.
-        self.comparison_sigma_ratio, self.max_sigma_ratio = (
-            0.0015 * (6.0 / coordinate_count) ** 0.25,
-            0.84 + 0.01 * coordinate_count,
-        )
+        self.comparison_sigma_ratio = 0.0015 * (6.0 / coordinate_count) ** 0.25
+        self.max_sigma_ratio = 0.84 + 0.01 * coordinate_count
         self.max_residual_ratio = 0.0075 if method == "play" else 0.0037
         body_columns = [
             *demand_columns(rig.settings.body.free),
@@ -317,10 +315,8 @@ class StageLaw(MotionLaw):
                 gap_at_force = np.interp(
                     motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, gap
                 )
-                force, delay_ticks = (
-                    self._force_of_current(current, gap_at_force, width, lag),
-                    motion.delay_ticks,
-                )
+                force = self._force_of_current(current, gap_at_force, width, lag)
+                delay_ticks = motion.delay_ticks
             pull_row = magnet_rows(file)[number - 1] / motion.gyration_radii
             self._cached_forces[key] = np.outer(
                 motion.filter_force(force, delay_ticks), pull_row

@@ -92,11 +92,9 @@ def compiled_rig(rig: BodyRig) -> BodyRig:
 
 def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
     """Write the folder of a controller in the number format of its axes, with golden vectors."""
-    stage, vectors, version = (
-        _describe_controller(setup, kind, name),
-        golden_vectors(setup),
-        running_version(),
-    )
+    stage = _describe_controller(setup, kind, name)
+    vectors = golden_vectors(setup)
+    version = running_version()
     dtype = next(iter(vectors.values())).dtype
     table = write_vectors_csv(vectors, np.array([*vectors.values()]).T.astype(dtype).tolist())
     files = make_stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": table}
@@ -175,11 +173,9 @@ def golden_vectors(setup: StageSetup) -> dict[str, FloatArray]:
     """
     file = setup.rig.settings
     magnets, heads = len(file.body_magnets), len(file.position_sensors)
-    controller, wrench_row, gap_row = (
-        make_axes_controller(setup),
-        heads,
-        heads + len(file.body.free),
-    )
+    controller = make_axes_controller(setup)
+    wrench_row = heads
+    gap_row = heads + len(file.body.free)
     inputs = _encode_inputs(setup, _simulate_inputs(setup), wrench_row, gap_row)
     if file.tracking.lost_A is not None:
         inputs[gap_row + magnets, -LOST_MAGNET_ROWS:] = 0.0
@@ -204,10 +200,8 @@ def _encode_inputs(
     """
     if setup.number_format != "fixed":
         return inputs.astype(np.float32)
-    scales, magnets = (
-        make_fixed_stage_controller(setup).scales,
-        len(setup.rig.settings.body_magnets),
-    )
+    scales = make_fixed_stage_controller(setup).scales
+    magnets = len(setup.rig.settings.body_magnets)
     heads, forward = signal_codes(inputs[:wrench_row], scales.head), inputs[wrench_row:gap_row]
     gaps, currents = inputs[gap_row : gap_row + magnets], inputs[gap_row + magnets :]
     rows = [heads, signal_codes(forward, scales.wrench[:, None]), scales.gaps(gaps)]

@@ -39,12 +39,7 @@ FORGETTING_TIME_S = 20.0
 largest force counts."""
 MAX_UPDATE_RATE_SIGMA_PER_S = 2.0
 """Maximum rate of the applied corrections, in prior standard deviations per second."""
-DERIVATIVE_STEPS: Mapping[str, float] = {
-    "scale": 0.005,
-    "gap_zero_m": 2e-6,
-    "width": 0.1,
-    "lag_s": 25e-6,
-}
+DERIVATIVE_STEPS = {"scale": 0.005, "gap_zero_m": 2e-6, "width": 0.1, "lag_s": 25e-6}
 """Step of each kind of parameter for finite-difference derivatives of the predicted force."""
 MAX_RESIDUAL_RATIO = 0.01
 """Largest rms residual after the fit for which a motion is accepted, as a fraction of the rms

@@ -100,10 +100,8 @@ def fly_legs(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
     for column, axis in enumerate(file.body.free):
         if leg := legs.get(axis):
             leg_time = time - start_s
-            position[:, column], acceleration[:, column] = (
-                leg.derivatives_at(leg_time)[0],
-                leg.derivatives_at(leg_time + rig.loop_delay)[1],
-            )
+            position[:, column] = leg.derivatives_at(leg_time)[0]
+            acceleration[:, column] = leg.derivatives_at(leg_time + rig.loop_delay)[1]
             stray_acceleration = leg.derivatives_at(leg_time - STRAY_DELAY_S)[1] / max(leg.peaks)
             frame[:, column] = position[:, column] + frame_stray_from(rig, stray_acceleration, time)
             start_s += leg.duration
@@ -122,10 +120,8 @@ def select_legs(estimator: ParameterEstimator, setup: StageSetup) -> Legs:
         )
 
     def rank(legs: Sequence[tuple[str, SetPoint, FloatArray]]) -> tuple[int, float]:
-        sigma_ratios = np.array(
-            [*estimator.relative_sigma(*(rows for _, _, rows in legs)).values()]
-        )
-        return -int((sigma_ratios <= estimator.law.max_sigma_ratio).sum()), sum(
+        ratios = np.array([*estimator.relative_sigma(*(rows for _, _, rows in legs)).values()])
+        return -int((ratios <= estimator.law.max_sigma_ratio).sum()), sum(
             leg.duration for _, leg, _ in legs
         )
 
@@ -186,10 +182,8 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
     """Design the move of a stage, simulate it, and compute the information about each parameter."""
     refuse_slow_amplifier(rig)
     identified_magnet, scan = magnet or identify_stage_magnet(rig), rig.settings.scan
-    setup, estimator = (
-        make_stage(rig, identified_magnet, COMPENSATOR),
-        ParameterEstimator(StageLaw(rig, identified_magnet, COMPENSATOR)),
-    )
+    setup = make_stage(rig, identified_magnet, COMPENSATOR)
+    estimator = ParameterEstimator(StageLaw(rig, identified_magnet, COMPENSATOR))
     refuse_unstable(setup)
     legs = select_legs(estimator, setup)
     run = fly_legs(setup, legs, 1) if legs else None
@@ -205,16 +199,12 @@ def find_move(rig: BodyRig, magnet: IdentifiedMagnet | None = None) -> Calibrati
 
     def information(run: Recording) -> Information:
         rows = estimator.information_rows(run)
-        sigma_ratios = dict.fromkeys(
+        ratios = dict.fromkeys(
             (name for name, ratio in estimator.prior_sigma.items() if ratio), 1.0
         )
-        sigma_ratios |= estimator.relative_sigma(rows)
-        hidden = [
-            name for name, sigma in sigma_ratios.items() if sigma > estimator.law.max_sigma_ratio
-        ]
-        return Information(
-            float(run["t_s"][-1]), estimator.condition_number(rows), sigma_ratios, hidden
-        )
+        ratios |= estimator.relative_sigma(rows)
+        hidden = [name for name, sigma in ratios.items() if sigma > estimator.law.max_sigma_ratio]
+        return Information(float(run["t_s"][-1]), estimator.condition_number(rows), ratios, hidden)
 
     training_run = track(setup, scan_motion(scan, scan.train_m_per_s2), Feedforward(), 1)
     return CalibratingMove(legs, run, information(run), information(training_run))

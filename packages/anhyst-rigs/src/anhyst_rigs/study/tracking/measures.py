@@ -291,9 +291,9 @@ class LossFlights:
         """Run a flight for each magnet of the case, then for each head, then the lift-off."""
         file, test_plan, case = self._rig.settings, self._test_plan(), self.case
         magnet_names = [magnet.name for magnet in file.body_magnets]
-        undisturbed_run = self._fly(test_plan, {})
+        nominal_run = self._fly(test_plan, {})
         losses = [
-            self._lose_magnet(magnet_names.index(name), test_plan, undisturbed_run)
+            self._lose_magnet(magnet_names.index(name), test_plan, nominal_run)
             for name in case.magnets or magnet_names
         ]
         count = len(file.position_sensors)
@@ -305,9 +305,9 @@ class LossFlights:
     def _rig(self) -> BodyRig:
         return self.setup.rig
 
-    def _lose_magnet(self, magnet: int, test_plan: _Plan, undisturbed_run: Recording) -> LossResult:
+    def _lose_magnet(self, magnet: int, test_plan: _Plan, nominal_run: Recording) -> LossResult:
         file, first_tick = self._rig.settings, round(EARLIEST_LOSS_S / self._rig.dt)
-        density = np.abs(undisturbed_run[column_name("flux_density", "T", magnet + 1)])
+        density = np.abs(nominal_run[column_name("flux_density", "T", magnet + 1)])
         tick = first_tick + int(np.argmax(density[first_tick:]))
         fault_word = 1 << magnet + FIRST_FAILURE_BIT | (
             SHORT_CIRCUIT_BIT if self.case.circuit == "short" else 0
@@ -315,7 +315,7 @@ class LossFlights:
         loss = self._run_failure(
             file.body_magnets[magnet].name, tick, fault_word, magnet, test_plan
         )
-        current_A = undisturbed_run[column_name("current", "A", magnet + 1)][
+        current_A = nominal_run[column_name("current", "A", magnet + 1)][
             round(loss.at_s / self._rig.dt)
         ]
         return replace(
@@ -384,10 +384,8 @@ class LossFlights:
         levitated_ticks = (
             np.flatnonzero(run["state"][lift_tick:land_tick] % 16 == Phase.HOVER) + lift_tick
         )
-        fall_speeds, landing_speeds = (
-            self._contact_speeds(run.slice_ticks(0, lift_tick)),
-            self._contact_speeds(run.slice_ticks(lift_tick, len(run))),
-        )
+        fall_speeds = self._contact_speeds(run.slice_ticks(0, lift_tick))
+        landing_speeds = self._contact_speeds(run.slice_ticks(lift_tick, len(run)))
         return LossResult(
             magnet="none: lift-off",
             at_s=lift_tick * dt,
@@ -422,11 +420,9 @@ class LossFlights:
 
         First the acceleration falls to zero linearly, in one jerk phase of the set-point.
         """
-        rig, file, mass_kg = (
-            self._rig,
-            self._rig.settings,
-            self.setup.assumed_rig.settings.body.mass_kg,
-        )
+        rig = self._rig
+        file = self._rig.settings
+        mass_kg = self.setup.assumed_rig.settings.body.mass_kg
         motion = scan_motion(file.scan, file.scan.test_m_per_s2)
         acceleration, jerk_phase = float(test_plan.acceleration[tick]), motion.jerk_phase
         positions = test_plan.position[max(tick - 1, 0) : tick + 2]
@@ -453,16 +449,12 @@ class LossFlights:
             for deceleration in candidates
             if self._can_make(magnet, np.array([-mass_kg * deceleration * np.sign(speed)]))
         )
-        selected = next(feasible, candidates[-1])
-        course = plan_braking(
-            speed, 0.0, replace(motion, peaks=(selected,)), rig.dt, rig.loop_delay
-        )
+        peak = next(feasible, candidates[-1])
+        course = plan_braking(speed, 0.0, replace(motion, peaks=(peak,)), rig.dt, rig.loop_delay)
         gains = np.array([self.gains.acceleration, self.gains.jerk, self.gains.snap])
         hold = np.zeros(round(HOLD_TIME_S / rig.dt))
-        braking_position, eased_acceleration = (
-            easing_position[-1] + course.position,
-            acceleration * (1.0 - time[:-1] / jerk_phase),
-        )
+        braking_position = easing_position[-1] + course.position
+        eased_acceleration = acceleration * (1.0 - time[:-1] / jerk_phase)
         feedforward = mass_kg * (np.vstack([easing, course.early_derivatives[:, :3]]) @ gains)
         return _Plan(
             np.concatenate(

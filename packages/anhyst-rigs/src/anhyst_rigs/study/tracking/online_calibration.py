@@ -97,9 +97,7 @@ class _CorrectionHistory:
 
     def corrections_of(self, cycle: StageCycle) -> Corrections | None:
         """Return the corrections during a cycle, or None if they are no longer stored."""
-        return next(
-            (corrections for setup, corrections in self._entries if setup is cycle.setup), None
-        )
+        return next((values for setup, values in self._entries if setup is cycle.setup), None)
 
     def find_better(
         self, cycle: StageCycle, corrections: Corrections, average: float
@@ -108,11 +106,9 @@ class _CorrectionHistory:
         if (
             cycle.conditions != self._conditions
         ):  # other conditions (plant, load or gain): no earlier errors
-            self._conditions, self._last_average, self._best_average = (
-                cycle.conditions,
-                math.inf,
-                math.inf,
-            )
+            self._conditions = cycle.conditions
+            self._last_average = math.inf
+            self._best_average = math.inf
         pair, self._last_average = (self._last_average, average), average
         if max(pair) < self._best_average:
             self._best_average, self._best_corrections = max(pair), corrections
@@ -254,10 +250,8 @@ class StageCalibrator(BenchCalibrator):
             len(self._buffer) > 1 and sum(map(len, self._buffer)) > MAX_BUFFER_S * self._bench.rate
         ):
             self._buffer.popleft()
-        pickup_tick, first_tick = (
-            max(self._bench.plant_tick, self._bench.lift_tick),
-            int(rows[0, 0]),
-        )
+        pickup_tick = max(self._bench.plant_tick, self._bench.lift_tick)
+        first_tick = int(rows[0, 0])
         if 0 <= pickup_tick - first_tick < len(rows):
             was_lifted_again = pickup_tick != self._bench.plant_tick
             earlier_rows = (
@@ -307,10 +301,8 @@ class StageCalibrator(BenchCalibrator):
             (peak_deviation(mean) for mean, _ in windows if mean.size), default=peak_error
         )
         estimators, is_learning, setup = self._estimators, self.is_on, None
-        estimator, history = (
-            estimators.get(cycle.method),
-            self._histories.setdefault(cycle.method, _CorrectionHistory()),
-        )
+        estimator = estimators.get(cycle.method)
+        history = self._histories.setdefault(cycle.method, _CorrectionHistory())
         is_original_setup = any(cycle.setup is setup for setup in self._bench.setups)
         is_uncorrected = is_original_setup and (
             estimator is None or not any(estimator.applied_values.values())
@@ -496,10 +488,8 @@ class BearingCalibrator(BenchCalibrator):
         force_error = (
             motion.measured_force - motion.filter_force(columns["demand_N"], motion.delay_ticks)
         )[indices]
-        zero_corrections = dict.fromkeys(law.names, 0.0)
-        uncorrected_rms_N = rms(
-            (motion.measured_force - law.net_force(motion, zero_corrections))[indices]
-        )
+        zeros = dict.fromkeys(law.names, 0.0)
+        uncorrected_rms_N = rms((motion.measured_force - law.net_force(motion, zeros))[indices])
         end, estimators, is_learning = int(table[-1, 0]), self._estimators, self.is_on
         is_worse = any(self._corrections.values())
         is_worse = is_worse and rms(force_error) > MAX_ERROR_GROWTH * max(

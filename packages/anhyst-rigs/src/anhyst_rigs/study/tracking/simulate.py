@@ -107,14 +107,10 @@ def _update_learnt_force(rig: BodyRig, learnt_force: FloatArray, error: FloatArr
     s = 2j * math.pi * frequency
     delay_s = rig.loop_delay + 1.0 / (2.0 * math.pi * rig.settings.amplifier.bandwidth_Hz)
     low_pass = 1.0 / (1.0 + (frequency / LEARNING_FILTER_HZ) ** 4)
-    coefficients, z_inverse = pid_coefficients(rig), 1.0 / np.exp(s * dt)
+    pid, z_inverse = pid_coefficients(rig), 1.0 / np.exp(s * dt)
     with np.errstate(divide="ignore", invalid="ignore"):
-        control = (
-            coefficients["b0"] + coefficients["b1"] * z_inverse + coefficients["b2"] * z_inverse**2
-        )
-        control = control / (
-            1.0 + coefficients["a1"] * z_inverse + coefficients["a2"] * z_inverse**2
-        )
+        control = pid["b0"] + pid["b1"] * z_inverse + pid["b2"] * z_inverse**2
+        control = control / (1.0 + pid["a1"] * z_inverse + pid["a2"] * z_inverse**2)
     inverse_loop = rig.settings.body.mass_kg * s**2 * np.exp(s * delay_s) + control
     inverse_loop[0] = 0.0  # the integral part finds constant forces
     error_spectrum = np.fft.rfft(error, n + _PADDING_TICKS)
@@ -330,10 +326,8 @@ class TrackingStudy(StudyResult):
         """Return peak and moving average of the error of every variant."""
         facts = {"rig": self.rig.settings.name}
         for name, variant in self.variants.items():
-            peak, average = (
-                1e9 * variant.interval("peak_m").mean,
-                1e9 * variant.interval("average_m").mean,
-            )
+            peak = 1e9 * variant.interval("peak_m").mean
+            average = 1e9 * variant.interval("average_m").mean
             facts[name] = f"peak {peak:.0f} nm, moving average {average:.1f} nm"
             for metric in cross_talk_metrics(self.rig.settings):
                 largest = metric.factor * variant.interval(metric.key).mean
@@ -368,10 +362,8 @@ class TrackingStudy(StudyResult):
 
 
 def _variant_dict(variant: VariantResult) -> dict[str, Any]:
-    gains, crossed = (
-        variant.gains,
-        {key: variant.interval(key).as_dict() for key in variant.cross_talk},
-    )
+    gains = variant.gains
+    crossed = {key: variant.interval(key).as_dict() for key in variant.cross_talk}
     return {
         "gains": {"acceleration": gains.acceleration, "jerk_s": gains.jerk, "snap_s2": gains.snap},
         "test": {field.name: variant.interval(field.name).as_dict() for field in fields(Measures)},
