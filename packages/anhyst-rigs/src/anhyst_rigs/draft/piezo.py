@@ -304,9 +304,8 @@ def _branch(travel: FloatArray, start: float, beta: float, ratio: float) -> Floa
     rate_above, rate_below = beta * (1.0 + ratio), beta * (1.0 - ratio) or _TINY
     start = min(start, (1.0 - _TINY) / rate_above)  # g approaches 1/above from below
     initial_rate = rate_above if start >= 0.0 else rate_below
-    travel_past_zero = (
-        travel - math.log1p(-start * initial_rate) / initial_rate
-    )  # travel after the zero of g
+    # travel after the zero of g
+    travel_past_zero = travel - math.log1p(-start * initial_rate) / initial_rate
     rate = np.where(travel_past_zero < 0.0, rate_below, rate_above)
     return np.asarray(-np.expm1(-rate * travel_past_zero) / rate)
 

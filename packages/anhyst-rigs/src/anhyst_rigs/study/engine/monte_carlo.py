@@ -46,9 +46,8 @@ PERCENTILES = (5, 50, 95, 99)
 class PlantFigure(Metric):
     """A figure that is measured on each plant."""
 
-    cases: tuple[
-        float | str, ...
-    ] = ()  # cases in which it is measured; empty: one value for each plant
+    # cases in which it is measured; empty: one value for each plant
+    cases: tuple[float | str, ...] = ()
     case_key: str = ""  # key of a case in files
 
     @property
@@ -105,9 +104,8 @@ def _hash(settings: str, files: Sequence[Path]) -> str:
 class PlantRun:
     """Result of one plant with one method."""
 
-    values: Mapping[
-        str, tuple[float, ...]
-    ]  # by figure, one for each case; infinite if the loop was lost
+    # by figure, one for each case; infinite if the loop was lost
+    values: Mapping[str, tuple[float, ...]]
     lost_s: float | None  # time of the loss of the loop, s
 
 

@@ -190,9 +190,8 @@ class StageLaw(MotionLaw):
             lambda: current_per_root_force(self.compensator(0.0), rig)
         )
         self._cached_motion: StageMotion | None = None
-        self._cached_forces: dict[
-            tuple[object, ...], FloatArray
-        ] = {}  # forces of single magnets along that motion, N
+        # forces of single magnets along that motion, N
+        self._cached_forces: dict[tuple[object, ...], FloatArray] = {}
         self._magnet_numbers = range(1, len(rig.settings.body_magnets) + 1)
         unused = _UNUSED_PARAMETERS.get(method, ())
         if rig.settings.magnet.is_bidirectional:
@@ -429,10 +428,11 @@ class BearingLaw(MotionLaw):
     comparison_sigma_ratio = 0.004
     max_sigma_ratio = 0.7
     max_residual_ratio = 0.0043
+    # the live page records the phase in addition to the controller's state
     optional_columns = (
         "load_N",
         "phase",
-    )  # the live page records the phase in addition to the controller's state
+    )
 
     def __init__(
         self,

@@ -86,9 +86,8 @@ class _CorrectionHistory:
     def __init__(self) -> None:
         self._entries: deque[tuple[StageSetup, Corrections]] = deque(maxlen=MAX_CYCLES)
         self._conditions: tuple[object, ...] = ()
-        self._last_average = self._best_average = (
-            math.inf
-        )  # moving averages, m: last cycle, best pair
+        # moving averages, m: last cycle, best pair
+        self._last_average = self._best_average = math.inf
         self._best_corrections: Corrections = {}
 
     def add(self, setup: StageSetup, corrections: Corrections) -> None:
@@ -103,9 +102,8 @@ class _CorrectionHistory:
         self, cycle: StageCycle, corrections: Corrections, average: float
     ) -> tuple[Corrections, float] | None:
         """Return better corrections and their error, m, if the last two cycles were worse."""
-        if (
-            cycle.conditions != self._conditions
-        ):  # other conditions (plant, load or gain): no earlier errors
+        # other conditions (plant, load or gain): no earlier errors
+        if cycle.conditions != self._conditions:
             self._conditions = cycle.conditions
             self._last_average = math.inf
             self._best_average = math.inf
@@ -215,9 +213,8 @@ class StageCalibrator(BenchCalibrator):
         rig = bench.rig
         super().__init__(bench, rig.settings.tracking.calibrate)
         self._rig, self._magnet, self._bench = rig, magnet, bench
-        self._required_columns = StageLaw(rig, magnet, "full").required_columns[
-            1:
-        ]  # without the time: rows begin with the tick
+        # without the time: rows begin with the tick
+        self._required_columns = StageLaw(rig, magnet, "full").required_columns[1:]
         self._column_indices = [
             _row_index(bench.signals, name) for name in (*self._required_columns, "error_m", "lap")
         ]
@@ -429,10 +426,11 @@ class BearingCalibrator(BenchCalibrator):
     ) -> None:
         super().__init__(bench)
         self._setup, self._bench, self._method = setup, bench, setup.method
+        # to a block for the board
         self._magnet, self._compile_block = (
             magnet,
             compile_block,
-        )  # to a block for the board
+        )
         self._column_indices = {name: _row_index(bench.signals, name) for name in _BEARING_COLUMNS}
         self._law: BearingLaw | None = None
         self._history_rows = np.zeros((0, 1 + len(bench.signals)))

@@ -175,9 +175,8 @@ class VariantResult:
     small_force_measures: Measures  # same gains, a tenth of the accelerations
     # gains found on the test set-point, as for a single repeated one
     repeated_setpoint_measures: Measures
-    standstill_errors: Mapping[
-        str, float
-    ]  # errors at rest while the long stroke moves, rms, by column
+    # errors at rest while the long stroke moves, rms, by column
+    standstill_errors: Mapping[str, float]
     learning_peaks_m: tuple[float, ...]  # peak of each trial of learning control, m
     # largest error of each coordinate that the set-point does not move, for each seed, by axis and
     # unit; empty if it moves all
