@@ -217,11 +217,7 @@ class Fleet(Result):
         order = np.argsort(self.own_errors)
         positions = np.arange(len(order))
         ax.plot(
-            positions,
-            100.0 * np.array(self.shared_errors)[order],
-            "o",
-            ms=4,
-            label="common model",
+            positions, 100.0 * np.array(self.shared_errors)[order], "o", ms=4, label="common model"
         )
         ax.plot(positions, 100.0 * self.own_errors[order], "o", ms=4, label="own model")
         ax.axhline(self.settings.tolerance, color="0.4", lw=0.9, ls="--", label="tolerance")

@@ -429,10 +429,7 @@ class BearingLaw(MotionLaw):
     max_sigma_ratio = 0.7
     max_residual_ratio = 0.0043
     # the live page records the phase in addition to the controller's state
-    optional_columns = (
-        "load_N",
-        "phase",
-    )
+    optional_columns = ("load_N", "phase")
 
     def __init__(
         self,

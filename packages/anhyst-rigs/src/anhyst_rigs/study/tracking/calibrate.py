@@ -200,9 +200,7 @@ class HasCalibration(Protocol):
 
 
 def stage_laws(
-    rig: BodyRig,
-    controller: ControllerFile | PathLike | None,
-    magnet: IdentifiedMagnet | None,
+    rig: BodyRig, controller: ControllerFile | PathLike | None, magnet: IdentifiedMagnet | None
 ) -> tuple[LawFactory, IdentifiedMagnet]:
     """Return the factory of motion laws of a stage, and its identified magnet."""
     assert controller is None
@@ -212,9 +210,7 @@ def stage_laws(
 
 
 def bearing_laws(
-    rig: BodyRig,
-    controller: ControllerFile | PathLike | None,
-    magnet: IdentifiedMagnet | None,
+    rig: BodyRig, controller: ControllerFile | PathLike | None, magnet: IdentifiedMagnet | None
 ) -> tuple[LawFactory, IdentifiedMagnet]:
     """Return the factory of motion laws of a bearing, and its identified magnet."""
     if not isinstance(controller, ControllerFile):

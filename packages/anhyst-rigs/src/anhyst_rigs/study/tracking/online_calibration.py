@@ -426,11 +426,8 @@ class BearingCalibrator(BenchCalibrator):
     ) -> None:
         super().__init__(bench)
         self._setup, self._bench, self._method = setup, bench, setup.method
-        # to a block for the board
-        self._magnet, self._compile_block = (
-            magnet,
-            compile_block,
-        )
+        self._magnet = magnet
+        self._compile_block = compile_block  # compiles a model to a block for the board
         self._column_indices = {name: _row_index(bench.signals, name) for name in _BEARING_COLUMNS}
         self._law: BearingLaw | None = None
         self._history_rows = np.zeros((0, 1 + len(bench.signals)))
