@@ -1,7 +1,7 @@
 """Compile the controller of a stage to a folder of C, with a simulated flight as golden vectors.
 
 Golden vectors are inputs and expected outputs of each tick. They come from a flight over the test
-set-point, followed by commands to land, to lift and to switch off.
+set-point, followed by commands to switch off, to lift and to land.
 """
 
 from __future__ import annotations
@@ -59,7 +59,8 @@ from anhyst_rigs.rig.stage.setpoint import frame_stray, motion_ticks, scan_motio
 ROWS_PER_COMMAND = 20
 """Rows after each command at the end of the golden vectors."""
 MAX_FLIGHT_ROWS = 2000
-"""Largest number of ticks of the flight in the golden vectors: rest, acceleration and cruise."""
+"""Largest number of ticks of the flight in the golden vectors: rest, acceleration and the time after it.
+"""
 
 
 def compile_stage(
@@ -168,8 +169,8 @@ def golden_vectors(setup: StageSetup) -> dict[str, FloatArray]:
     """Simulate the test set-point and return inputs and outputs of the controller, by column.
 
     A new controller computes the outputs from inputs in its own number format. If it monitors
-    currents, the current of the first magnet is 0 in the last rows of the flight. Commands to land,
-    lift and switch off follow.
+    currents, the current of the first magnet is 0 in the last rows of the flight. Commands to
+    switch off, lift and land follow.
     """
     file = setup.rig.settings
     magnets, heads = len(file.body_magnets), len(file.position_sensors)
