@@ -107,7 +107,7 @@ def quantities_of(model: Model) -> FloatArray:
 def of_quantities(values: FloatArray) -> Model:
     """Return the magnet of such quantities."""
     kappa, c, near, far, scale, gain = values.tolist()
-    rho = tuple(_GAUGE * one / (1.0 - _GAUGE * one) for one in (near, far))
+    rho = tuple(_GAUGE * gap / (1.0 - _GAUGE * gap) for gap in (near, far))
     around = {"c_H": (1.0 + rho[0]) * 1000.0 / scale, "c_out": gain / (MU_0 * 1e6) ** 2}
     made = magnet(1.0, 1.0)
     return replace(

@@ -55,7 +55,7 @@ def left(setup: StageSetup, way: str = "x") -> tuple[float, float]:
     Its accelerations along y are halved.
     """
     scan = short().settings.scan
-    peaks = [one / (1 + (way == "y")) for one in scan.test_m_per_s2]
+    peaks = [peak / (1 + (way == "y")) for peak in scan.test_m_per_s2]
     there = change_rig(short(), {"scan.direction": [float(axis == way) for axis in "xyz"]})
     motion = scan_motion(scan, peaks)
     run = track(replace(setup, rig=there, drift=plant()), motion, Feedforward(), 2)
@@ -105,7 +105,9 @@ def test_what_a_motion_keeps_of_a_law_is_never_that_of_another() -> None:
 
 
 def test_what_no_motion_showed_stays_and_is_said() -> None:
-    found = {one.name: one for one in taught("full", recorded()).calibration.parameter}
+    found = {
+        parameter.name: parameter for parameter in taught("full", recorded()).calibration.parameter
+    }
     unseen = found["gap_zero_5_m"]  # of the pair along y, which does not move
     assert (unseen.value, unseen.sigma, unseen.frozen) == (0.0, unseen.prior, True)
     assert not found["scale_1"].frozen
@@ -131,8 +133,8 @@ def test_a_body_that_is_as_the_file_says_is_left_alone_whatever_the_dead_time() 
     found = calibrate_from_motions(law, [law.make_motion(run.columns)])
     assert found.fits
     assert found.residual_N < 0.0015 * found.force_N
-    for one in found.parameter:
-        assert abs(one.value) < 0.8 * one.prior, one.name
+    for parameter in found.parameter:
+        assert abs(parameter.value) < 0.8 * parameter.prior, parameter.name
     assert abs(found.value("centre_z_m")) < 0.2e-3
 
 
@@ -193,10 +195,10 @@ def test_a_flux_that_is_no_number_and_a_clock_that_stands_are_refused() -> None:
 
 def test_every_magnet_and_head_is_drawn_by_itself() -> None:
     drift = plant()
-    assert len({one.first_scale for one in drift.magnets}) == 10
-    assert len({one.place_x for one in drift.heads}) == 6
+    assert len({magnet.first_scale for magnet in drift.magnets}) == 10
+    assert len({head.place_x for head in drift.heads}) == 6
     alone = drift.select(ERROR_CASES["centre of mass"])
-    assert not any(one.as_dict() for one in alone.magnets)
+    assert not any(magnet.as_dict() for magnet in alone.magnets)
     assert (alone.place_x, alone.mass, alone.heads) == (drift.place_x, 0.0, ())
     assert drift.as_dict()["magnet_3_gap_offset_m"] == drift.magnets[2].gap_offset
     assert drift.select(ERROR_CASES["all"]) == drift

@@ -133,7 +133,9 @@ def test_the_block_is_of_the_model_that_motion_corrected(tmp_path: Path) -> None
     model = model_to_compile(own, known, "full")
     assert model.nodes == pytest.approx(np.add(known.model.nodes, found.value("gap_zero_m")))
     scale = 1.0 + found.value("scale_1")
-    before, after = (one.interpolate_parameter("c_H", 0.45e-3) for one in (known.model, model))
+    before, after = (
+        each_model.interpolate_parameter("c_H", 0.45e-3) for each_model in (known.model, model)
+    )
     assert after == pytest.approx(scale * before)
     with pytest.raises(InputError, match="share one block"):
         model_to_compile(corrected(tmp_path, True), known, "full")
@@ -155,9 +157,11 @@ def test_a_controller_expects_the_force_that_was_learnt(two: bool) -> None:
         motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, motion.columns["gap_read_m"]
     )
     commands = [motion.columns[name] for name in ("command_A", "command_2_A")]
-    for number, one in enumerate(fit_bearing_compensators(law.rig, table, each, "full", "f64")):
+    for number, compensator in enumerate(
+        fit_bearing_compensators(law.rig, table, each, "full", "f64")
+    ):
         at = total - gap if number else gap
-        pulled = one.reset_copy().follow(np.ascontiguousarray(commands[number]), at)
+        pulled = compensator.reset_copy().follow(np.ascontiguousarray(commands[number]), at)
         net += (-1.0) ** number * motion.filter_force(pulled, motion.delay_ticks)
     off = (net - law.net_force(motion, values))[motion.compared_indices]
     assert rms(off) < 1e-3 * motion.force_rms
@@ -178,8 +182,8 @@ def test_hanging_still_under_a_load_that_swings_teaches_nothing() -> None:
         script.set_load(150.0 + swing).hold(0.1)
     run = flown(setup(), script.build())
     columns = {name: row for name, row in run.columns.items() if name != "load_N"}
-    for one in (run, Recording(columns)):
-        found = taught(one)
+    for recording in (run, Recording(columns)):
+        found = taught(recording)
         assert not found.has_estimates
         (method,) = found.file.method
         assert all(number.frozen and number.value == 0.0 for number in method.parameter)

@@ -85,7 +85,11 @@ def recorded(firmware: Path, act: FaultAction) -> tuple[Recording, int]:
 def learnt(run: Recording) -> dict[str, tuple[float, float]]:
     """Parameters and their standard deviations; empty if the method is rejected."""
     (method,) = taught(run).file.method
-    return {one.name: (one.value, one.sigma) for one in method.parameter if method.is_applied}
+    return {
+        parameter.name: (parameter.value, parameter.sigma)
+        for parameter in method.parameter
+        if method.is_applied
+    }
 
 
 @cache

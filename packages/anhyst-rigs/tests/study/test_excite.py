@@ -187,8 +187,8 @@ def test_loops_are_read_back_with_their_histories(tmp_path: Path) -> None:
     [
         ("bearing", None),
         *(
-            pytest.param(*one, marks=pytest.mark.campaign)
-            for one in (
+            pytest.param(*case, marks=pytest.mark.campaign)
+            for case in (
                 *(("solenoid", None), ("bearing", "preisach-usual"), ("bearing", "duhem-usual")),
                 *(("solenoid", "preisach-usual"), ("solenoid", "duhem-usual")),
             )
@@ -240,7 +240,7 @@ def test_fast_cycles_are_run_within_the_limits_and_show_what_they_induce(tmp_pat
     assert any("300" in note and "rate_max" in note for note in found.notes)
     speeds = group_by_speed(found.loops)
     assert speeds is not None
-    assert {loop.label for group in speeds.fast for loop in group} == {one.label for one in quick}
+    assert {loop.label for group in speeds.fast for loop in group} == {loop.label for loop in quick}
     assert "rate matters" in describe_rate(found.loops)
 
 
