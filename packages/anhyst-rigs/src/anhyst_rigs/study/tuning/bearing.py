@@ -1,6 +1,8 @@
-"""A bearing as what is tuned: steps and a swept sine at every gap and load, and what limits them.
+"""Tune the controller of a magnetic bearing.
 
-What limits are aims, noise, force, voltage, delay, pinning.
+A trial runs steps and a swept sine at every gap and load. After the search, this module reports
+what limits the result: aims, sensor noise, force, voltage, current, delay or the pinning of the
+iron.
 """
 
 from __future__ import annotations
@@ -42,12 +44,12 @@ from anhyst_rigs.study.tuning.trial import (
 )
 
 MAX_SEARCH_HOLD_S = 0.03
-"""Longest time for which a position is held in the search, s; checks hold as the rig file says."""
-_PEAK_FACTORS = (0.55, 0.7, 1.0)  # parts of the aimed peak: where the front is looked at
+"""Longest hold after a step during the search, s. Checks use the hold of the rig file."""
+_PEAK_FACTORS = (0.55, 0.7, 1.0)  # factors on the peak limit, for the initial guesses
 
 
 def default_conditions(rig: BodyRig) -> tuple[BearingCondition, ...]:
-    """Return all gaps of a rig file with its load and with two thirds of it."""
+    """Return all gaps of a rig file, each with its load and with two thirds of it."""
     tried, load = rig.settings, rig.settings.load.force_N
     return tuple(
         BearingCondition(gap, force)
@@ -58,36 +60,39 @@ def default_conditions(rig: BodyRig) -> tuple[BearingCondition, ...]:
 
 @dataclass(frozen=True)
 class BearingLoop:
-    """A variant behind the controller of a bearing."""
+    """One compensation variant with the controller of a bearing."""
 
     setup: BearingSetup
     conditions: tuple[BearingCondition, ...]
 
     @property
     def space(self) -> BearingSpace:
-        """The box that is searched."""
+        """The box of parameters that is searched."""
         plant = self.setup.rig.settings
         return BearingSpace(plant.timing.rate_Hz, plant.body.mass_kg)
 
     def with_gains_at(self, point: FloatArray) -> BearingLoop:
-        """Return the same with the gains at a point of the box."""
+        """Return this loop with the gains of a point of the box."""
         table = self.space.make_controller_table(point, self.setup.controller)
         return replace(self, setup=replace(self.setup, controller=table))
 
     def for_search(self) -> BearingLoop:
-        """Return the same with steps that are held no longer than they take to settle."""
+        """Return this loop with a shorter hold after each step."""
         rig = self.setup.rig
         hold = min(rig.settings.step.hold_s, MAX_SEARCH_HOLD_S)
         return replace(self, setup=replace(self.setup, rig=change_rig(rig, {"step.hold_s": hold})))
 
     def make_controller(self) -> None:
-        """Make the controller; InputError where fixed point cannot hold its gains."""
+        """Make the controller; raises InputError if fixed point cannot represent its gains."""
         self.setup.make_controller()
 
     def figures(
         self, condition: BearingCondition, aims: Aims, ceiling: float, seed: int
     ) -> BearingFigures | None:
-        """Run steps and sine at one condition; None if the armature was not held."""
+        """Run steps and a sine at one condition; None if the armature was lost.
+
+        The sine is skipped if the steps alone cost more than the ceiling.
+        """
         setup = self.setup
         heights = tuple(setup.rig.settings.step.heights_m)
         steps, lost = run_steps(StepRun(setup, condition.gap, heights, condition.load, seed))
@@ -99,8 +104,8 @@ class BearingLoop:
         ]
         outcome = _worst_figures([row for row in rows if row is not None])
         if aims.cost(outcome) > ceiling:
-            return outcome  # a sine cannot make it better
-        # The few frequencies where a loop that is fast enough has its peak.
+            return outcome  # the sine can only add cost
+        # The sensitivity of a fast loop has its peak in this range.
         rate = setup.rig.settings.timing.rate_Hz
         tried = geometric_spacing(rate / 160.0, rate / 10.0, 11)
         measured = measure_loop_sensitivity(setup, condition.gap, condition.load, tried, seed)
@@ -109,9 +114,10 @@ class BearingLoop:
         return replace(outcome, peak_sensitivity=interpolate_peak(measured))
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
-        """Return what finds the points that linear loops like best.
+        """Return functions that find the best points for linear loops.
 
-        It does so for several peaks of the sensitivity and softnesses.
+        There is one function for each limit of the peak sensitivity and each softening of the
+        magnet.
         """
         screens = [make_screen(self.setup, self.conditions, one) for one in SLOPE_FRACTIONS]
         stricter = [aims.with_scaled_limits({"peak_sensitivity": bound}) for bound in _PEAK_FACTORS]
@@ -128,13 +134,13 @@ class BearingLoop:
         return screen.evaluate(gains).costs(aims, screen.horizon_s)
 
     def minimum_settling_time(self, seed: int, changed: tuple[Screen, Aims]) -> float:
-        """Return the settling time of the best gains for linear loops, s; infinite if none will do."""
+        """Return the settling time of the best linear loops, s; inf if the aims are missed."""
         best = self._find_best_point(seed, changed)
         cost = float(self._linear_costs(*changed, best[None, :])[0])
         return cost if cost <= changed[0].horizon_s else math.inf
 
     def check(self, jobs: int | None = None) -> CheckResult:
-        """Run the steps of all conditions with every noise seed, and a fine swept sine at each."""
+        """Run all steps with every noise seed, and a swept sine at each condition."""
         setup, conditions = self.setup, self.conditions
         seeds = default_seeds(setup.rig)
         heights = setup.rig.settings.step.heights_m
@@ -166,7 +172,7 @@ class BearingLoop:
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
     ) -> list[Limit]:
-        """Report what limits gains that were found and checked."""
+        """Report what limits the gains that were found and checked."""
         if not math.isfinite(check_result.worst.cost):
             return [Limit("settling_time_s", "no gains settled within the hold at every condition")]
         return [
@@ -177,7 +183,7 @@ class BearingLoop:
         ]
 
     def gains(self) -> dict[str, float]:
-        """Return the gains as files hold them."""
+        """Return the gains by their names in files."""
         pidd2 = self.setup.controller.pidd2()
         return {
             "K_p_N_per_m": pidd2.K_p,
@@ -191,12 +197,12 @@ class BearingLoop:
 
     @property
     def trial_text(self) -> str:
-        """What is tried at every condition."""
+        """Description of the trial at every condition."""
         heights = self.setup.rig.settings.step.heights_m
         return f"steps of {', '.join(f'{1e6 * one:g}' for one in heights)} um up and down"
 
     def facts(self) -> dict[str, Any]:
-        """Return what tuning.json says of the rig."""
+        """Return the data of the rig for tuning.json."""
         controller, rig = self.setup.controller, self.setup.rig.settings
         return {
             "controller": controller.name,
@@ -206,7 +212,7 @@ class BearingLoop:
         }
 
     def explain_parameters(self, parameters: Mapping[str, float]) -> list[str]:
-        """Return lines that say what the numbers of a point mean."""
+        """Return lines of text that explain the parameters of a point."""
         return [
             f"Poles of the moving mass: pair at {parameters['bandwidth_Hz']:.4g} Hz with damping "
             f"{parameters['damping']:.3g}, real one at "
@@ -216,7 +222,7 @@ class BearingLoop:
 
 
 def _worst_figures(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> BearingFigures:
-    """Return the worst of each figure, with a peak of the sensitivity."""
+    """Return the largest value of each figure, with a given peak of the sensitivity."""
     names = set(rows[0]) & set(BearingFigures().by_name())
     return BearingFigures(
         peak_sensitivity=peak, **{name: max(row[name] for row in rows) for name in names}
@@ -224,7 +230,7 @@ def _worst_figures(rows: Sequence[Mapping[str, float]], peak: float = 0.0) -> Be
 
 
 def interpolate_peak(measured: Sensitivity) -> float:
-    """Return the peak, between frequencies too: of a parabola through the three largest values."""
+    """Return the peak sensitivity, interpolated by a parabola through the three largest values."""
     size = np.log(measured.magnitude)
     at = int(np.argmax(size))
     if not 0 < at < size.size - 1:
@@ -247,12 +253,12 @@ def _condition_figures(cells: Sequence[StepCell], measured: Sensitivity | None) 
     return _worst_figures(means, interpolate_peak(measured))
 
 
-_LIMIT_FRACTION = 0.995  # of what there is: counts as all of it
+_LIMIT_FRACTION = 0.995  # fraction of a limit above which a signal counts as saturated
 _NOISE_SIGMAS, _SETTLING_BAND = 3.0, 0.02  # standard deviations; of the smallest step
 
 
 def _noise_limits(setup: BearingSetup, reached: CheckResult) -> list[Limit]:
-    """Noise of the sensor, where it fills much of the band in which a small step must stay."""
+    """Report sensor noise that fills at least half of the settling band of the smallest step."""
     height = min(setup.rig.settings.step.heights_m)
     rest = reached.worst.standstill_rms_m
     share = _NOISE_SIGMAS * rest / (_SETTLING_BAND * height)
@@ -271,7 +277,7 @@ def _noise_limits(setup: BearingSetup, reached: CheckResult) -> list[Limit]:
 def _saturation_limits(
     setup: BearingSetup, conditions: Sequence[BearingCondition], seed: int, jobs: int | None
 ) -> list[Limit]:
-    """Report what the steps use up: the force that is allowed, the supply, the current."""
+    """Report for how long force, voltage or current are at their limits during a step."""
     work = partial(_saturation_times, setup, seed)
     usages = list(zip(conditions, map_ordered(work, list(conditions), jobs=jobs), strict=True))
     limits, amplifier = setup.controller.limits, setup.rig.settings.amplifier
@@ -299,7 +305,7 @@ def _saturation_limits(
 def _saturation_times(
     setup: BearingSetup, seed: int, condition: BearingCondition
 ) -> Mapping[str, float]:
-    """Return for how long of a step each thing is used up, s."""
+    """Return the longest time within a step that force, voltage and current are at their limits, s."""
     rig, limits = setup.rig, setup.controller.limits
     heights = rig.settings.step.heights_m
     scenario = plan_steps(rig, setup.controller, condition.gap, heights, condition.load)
@@ -325,7 +331,7 @@ def _saturation_times(
 def _find_helpful_changes(
     loop: BearingLoop, aims: Aims, seed: int, jobs: int | None
 ) -> list[Limit]:
-    """Tune linear loops again with one thing eased at a time."""
+    """Tune linear loops again with one change at a time, and report the changes that help."""
     screen = make_screen(loop.setup, loop.conditions)
     loops = screen.loops
     overshoot = 2.0 * (aims.overshoot_percent or 0.0)

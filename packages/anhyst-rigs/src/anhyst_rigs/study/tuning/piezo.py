@@ -1,4 +1,8 @@
-"""A piezo stage as what is tuned: its triangle, the linear loop behind its margin, what limits it."""
+"""Tune the integrator and the notch filter of a piezo stage.
+
+A trial follows a triangle with the nominal stage and with random plants. A linear loop of each
+plant gives the sensitivity, the initial guesses, and the changes that would help.
+"""
 
 from __future__ import annotations
 
@@ -31,12 +35,13 @@ from anhyst_rigs.study.tuning.trial import (
 )
 
 SEARCH_PLANTS, CHECK_PLANTS = 6, 20
-"""Plants drawn as [spread] says: on which gains are searched, and others on which they are checked."""
+"""Number of random plants of [spread] for the check. SEARCH_PLANTS is their number in the search.
+"""
 _FIRST_CHECK_PLANT = 1000
-"""Number of the first of the latter."""
-_PEAK_FACTORS = (0.5, 0.75, 1.0)  # parts of the aimed peak: where the front is looked at
+"""Number of the first plant of the check. The search uses the plants from number 0."""
+_PEAK_FACTORS = (0.5, 0.75, 1.0)  # factors on the peak limit, for the initial guesses
 _FREQUENCY_COUNT = 300
-_MIN_FREQUENCY_RATIO = 1e-5  # of them, in parts of the rate
+_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency over the sample rate
 
 
 @dataclass(frozen=True)
@@ -44,14 +49,14 @@ class PiezoCondition:
     """A plant that follows the triangle."""
 
     text: str
-    number: int | None = None  # of the plant that is drawn; none of the nominal one
+    number: int | None = None  # number of the random plant; None: the nominal plant
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it by name."""
+        """Return the condition for JSON."""
         return {"name": self.text}
 
     def plant(self, file: RigFile) -> tuple[RigFile, int]:
-        """Return what the file of the plant would say, and the seed of its noise."""
+        """Return the rig file of the plant, and the seed of its noise."""
         if self.number is None:
             return file, file.seed
         drift, noise = sample_plant(file, file.seed, self.number)
@@ -71,13 +76,13 @@ CHECK_CONDITIONS = tuple(
 
 @dataclass(frozen=True)
 class PiezoSpace(SearchBox):
-    """What is searched of a piezo stage: the keys of ``[control]``, about its resonance."""
+    """Parameter box of a piezo stage: keys of ``[control]`` around its resonance."""
 
     file: RigFile
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """Every number by name."""
+        """All axes by parameter name."""
         at, damping = self.file.flexure.resonance_Hz, self.file.flexure.damping_ratio
         rate = self.file.timing.rate_Hz
         return {
@@ -88,7 +93,7 @@ class PiezoSpace(SearchBox):
         }
 
     def nearest_point(self, gains: Mapping[str, float]) -> FloatArray:
-        """Return the point of the box that is nearest to gains."""
+        """Return the point of the box that is nearest to some gains."""
         ends = [(gains[name], axis.low, axis.high) for name, axis in self.axes.items()]
         parts = [math.log(one / low) / math.log(high / low) for one, low, high in ends]
         return np.clip(parts, 0.0, 1.0)
@@ -96,15 +101,16 @@ class PiezoSpace(SearchBox):
 
 @dataclass(frozen=True)
 class LinearPiezo:
-    """Linear loops of plants behind a compensator that leaves nothing: resonance, delay, feedback."""
+    """Linear loops of plants with resonance, delay and feedback, without hysteresis."""
 
-    file: RigFile  # of the controller
+    file: RigFile  # rig file of the controller
     plants: tuple[RigFile, ...]
 
     def evaluate(self, rows: Sequence[Mapping[str, float]]) -> tuple[FloatArray, ...]:
-        """Return the worst peaks of the sensitivity, their frequencies (Hz), and what is left.
+        """Return peak sensitivities, their frequencies (Hz) and the residuals of a triangle.
 
-        A row holds values of the keys of ``[control]``; an unstable loop has an infinite peak.
+        Each row contains values of the keys of ``[control]``. Peak and residual are the largest of
+        all plants. An unstable loop has an infinite peak.
         """
         own = np.array([self._controller_coefficients(row) for row in rows])
         looks = [_evaluate_plant(self.file, plant, own) for plant in self.plants]
@@ -113,19 +119,19 @@ class LinearPiezo:
         return sizes[worst], at[worst], left.max(axis=0)
 
     def _controller_coefficients(self, row: Mapping[str, float]) -> list[float]:
-        """Return the gain of the integrator and the coefficients of the notch."""
+        """Return the gain of the integrator and the coefficients of the notch filter."""
         file = self.file.with_changes({f"control.{name}": value for name, value in row.items()})
         gain = 2.0 * math.pi * file.displacement.bandwidth_Hz / file.timing.rate_Hz
         return [gain, *make_notch(file)]
 
     def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
-        """Return what points of the box cost: those that keep the peak what they leave."""
+        """Return the costs of points: the residual if the peak is permitted, else more."""
         size, _, left = self.evaluate([space.parameters(point) for point in points])
         over = np.clip(size / aims.peak_sensitivity - 1.0, 0.0, 100.0)
         return np.where(over > 0.0, MISSED_AIM_COST + over, left)
 
     def with_doubled(self, table: str, key: str) -> LinearPiezo:
-        """Return loops of which all have one number that is twice as large."""
+        """Return loops in which one key of all rig files has twice its value."""
         own, *plants = (
             one.with_changes({f"{table}.{key}": 2.0 * getattr(getattr(one, table), key)})
             for one in (self.file, *self.plants)
@@ -134,9 +140,10 @@ class LinearPiezo:
 
 
 def _plant_matrices(file: RigFile, plant: RigFile) -> tuple[FloatArray, FloatArray]:
-    """Return voltage, speed and place over a tick of the controller, as the plant computes them.
+    """Return the matrices of voltage, speed and position over a tick of the controller.
 
-    A voltage is as much displacement as the nominal stack makes of it.
+    They equal the substeps of the simulated plant. The voltage is expressed as the displacement of
+    the nominal stack at this voltage.
     """
     dt = 1.0 / file.timing.rate_Hz
     count = integration_steps(plant, dt)
@@ -157,10 +164,10 @@ def _plant_matrices(file: RigFile, plant: RigFile) -> tuple[FloatArray, FloatArr
 def _evaluate_plant(
     file: RigFile, plant: RigFile, coefficients: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return peak of the sensitivity, its frequency and what is left of loops around one plant."""
+    """Return the peaks of the sensitivity, their frequencies and the residuals for one plant."""
     matrix, into = _plant_matrices(file, plant)
     gain, b0, b1, b2, a1, a2 = coefficients.T
-    closed = np.zeros((coefficients.shape[0], 6, 6))  # plant, what was asked last, two of the notch
+    closed = np.zeros((coefficients.shape[0], 6, 6))  # plant (3), last demand, notch (2)
     closed[:, :3, :3], closed[:, :3, 3] = matrix, into
     closed[:, 3, 2], closed[:, 3, 3], closed[:, 3, 4] = -gain * b0, 1.0, gain
     closed[:, 4, 2], closed[:, 4, 4], closed[:, 4, 5] = a1 * b0 - b1, -a1, 1.0
@@ -169,7 +176,7 @@ def _evaluate_plant(
     stable = np.abs(poles).max(axis=1) < 1.0
     rate = file.timing.rate_Hz
     swept = np.geomspace(_MIN_FREQUENCY_RATIO * rate, 0.499 * rate, _FREQUENCY_COUNT)
-    # The sensitivity peaks where a pole of the closed loop is near: narrow peaks are not missed.
+    # Narrow peaks lie near poles of the closed loop, so their frequencies are evaluated too.
     narrow = np.maximum(np.abs(np.angle(poles)) * rate / (2.0 * math.pi), swept[0])
     frequency = np.hstack([np.tile(swept, (coefficients.shape[0], 1)), narrow])
     z = np.exp(2j * math.pi * frequency / rate)
@@ -180,7 +187,7 @@ def _evaluate_plant(
     b0, b1, b2, a1, a2, gain = (part[:, None] for part in (b0, b1, b2, a1, a2, gain))
     notched = (b0 + b1 * one + b2 * two) / (1.0 + a1 * one + a2 * two)
     size = 1.0 / np.abs(1.0 + gain / (1.0 - one) * notched * one * answer)
-    # What hysteresis leaves of a triangle are its harmonics, which fall with the square.
+    # The residual of a triangle consists of harmonics that decrease with the square of their order.
     first = file.displacement_case.frequency_Hz
     harmonics = np.where(swept >= first, (first / swept) ** 2, 0.0)
     left = np.sqrt(np.trapezoid((size[:, :_FREQUENCY_COUNT] * harmonics) ** 2, swept, axis=1))
@@ -190,7 +197,7 @@ def _evaluate_plant(
 
 @dataclass(frozen=True)
 class PiezoLoop:
-    """A way from displacement to voltage behind the feedback of a piezo stage."""
+    """One inverse from displacement to voltage with the feedback of a piezo stage."""
 
     rig: PiezoRig
     inverse: ForceController
@@ -198,7 +205,7 @@ class PiezoLoop:
 
     @property
     def space(self) -> PiezoSpace:
-        """The box that is searched."""
+        """The box of parameters that is searched."""
         return PiezoSpace(self.rig.settings)
 
     def linear_loops(self, conditions: Sequence[PiezoCondition]) -> LinearPiezo:
@@ -207,7 +214,7 @@ class PiezoLoop:
         return LinearPiezo(file, tuple(one.plant(file)[0] for one in conditions))
 
     def with_gains_at(self, point: FloatArray) -> PiezoLoop:
-        """Return the same with the gains at a point of the box."""
+        """Return this loop with the gains of a point of the box."""
         numbers = self.space.parameters(point)
         changes = {f"control.{name}": round_gain(value) for name, value in numbers.items()}
         return replace(
@@ -215,26 +222,29 @@ class PiezoLoop:
         )
 
     def for_search(self) -> PiezoLoop:
-        """Return the same: a triangle is as long in the search as in the check."""
+        """Return this loop: the triangle is equally long in search and check."""
         return self
 
     def make_controller(self) -> None:
-        """Make the controller: in floating point it holds any gains."""
+        """Do nothing: floating point represents any gains."""
 
     def sensitivity_peak(self, conditions: Sequence[PiezoCondition]) -> tuple[float, float]:
-        """Return the worst peak of the sensitivity of linear loops, and its frequency, Hz."""
+        """Return the largest peak of the sensitivity of the linear loops, and its frequency, Hz."""
         size, at, _ = self.linear_loops(conditions).evaluate([self.gains()])
         return float(size[0]), float(at[0])
 
     def figures(
         self, condition: PiezoCondition, aims: Aims, ceiling: float, seed: int
     ) -> PiezoFigures | None:
-        """Follow the triangle with a plant; None if the loop was lost."""
+        """Follow the triangle with one plant; None if the loop was lost.
+
+        The motion is skipped if the sensitivity alone costs more than the ceiling.
+        """
         outcome = PiezoFigures(peak_sensitivity=self.sensitivity_peak([condition])[0])
         if math.isinf(outcome.peak_sensitivity):
             return None
         if aims.cost(outcome) > ceiling:
-            return outcome  # no motion can make it better
+            return outcome  # the motion can only add cost
         file, noise = condition.plant(self.rig.settings)
         plant = replace(self.rig, settings=file)
         run = follow_reference(
@@ -246,7 +256,7 @@ class PiezoLoop:
         return replace(outcome, error_rms_m=rms(error), error_peak_m=peak_deviation(error))
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
-        """Return what finds the points that linear loops like best, for several peaks, and its own."""
+        """Return functions that find initial points: gains of the file, best linear loops."""
         linear, own = (
             self.linear_loops(self.conditions),
             partial(self.space.nearest_point, self.gains()),
@@ -255,7 +265,7 @@ class PiezoLoop:
         return [own, *(partial(find_best_point, linear, self.space, seed, one) for one in tried)]
 
     def check(self, jobs: int | None = None) -> CheckResult:
-        """Judge on what nothing was searched on: all noise seeds, and plants that are drawn afresh."""
+        """Evaluate gains with all noise seeds, and with plants that the search did not use."""
         seeds = range(1, self.rig.settings.noise_seeds + 1)
         tasks = [*((NOMINAL, seed) for seed in seeds), *((one, 0) for one in CHECK_CONDITIONS)]
         judged = map_ordered(self._run_check, tasks, jobs=jobs)
@@ -289,7 +299,7 @@ class PiezoLoop:
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
     ) -> list[Limit]:
-        """Report what limits gains that were checked: aims, the box, and what would help."""
+        """Report what limits the checked gains: aims, and changes that would help."""
         if not math.isfinite(check_result.worst.cost):
             return [Limit("error_rms_m", "not every noise seed and drawn plant was held")]
         linear = self.linear_loops(self.conditions)
@@ -309,21 +319,21 @@ class PiezoLoop:
         ]
 
     def gains(self) -> dict[str, float]:
-        """Return the gains as files hold them, those that the file leaves out included."""
+        """Return the gains by their names in files, including the defaults of omitted keys."""
         file = self.rig.settings
         return {"bandwidth_Hz": file.displacement.bandwidth_Hz, **notch_parameters(file)}
 
     @property
     def trial_text(self) -> str:
-        """What is tried at every condition."""
+        """Description of the trial at every condition."""
         return f"judged on the triangle and on {RANDOM_PLANTS.text}"
 
     def facts(self) -> dict[str, Any]:
-        """Return what tuning.json says of the rig."""
+        """Return the data of the rig for tuning.json."""
         return {"resonance_Hz": self.rig.settings.flexure.resonance_Hz}
 
     def explain_parameters(self, parameters: Mapping[str, float]) -> list[str]:
-        """Return lines that say what the numbers of a point mean."""
+        """Return lines of text that explain the parameters of a point."""
         notch = f"a notch at {parameters['notch_Hz']:.4g} Hz from a damping of"
         return [
             f"Integrator of {parameters['bandwidth_Hz']:.4g} Hz behind {notch} "

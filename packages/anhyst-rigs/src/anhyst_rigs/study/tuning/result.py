@@ -1,4 +1,4 @@
-"""What a tuning gives and leaves behind: notes in controller files, a table, JSON."""
+"""Write the results of a tuning: comments in controller files, a table and JSON."""
 
 from __future__ import annotations
 
@@ -29,47 +29,47 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TunedVariant:
-    """What tuning one variant gave."""
+    """The tuning of one variant."""
 
     variant: MethodName
-    search_result: SearchResult  # the search
-    limits: tuple[Limit, ...]  # what limits
+    search_result: SearchResult  # result of the search
+    limits: tuple[Limit, ...]  # limits of the gains
     aims: Aims
 
     @property
     def figures(self) -> GainFigures:
-        """What the gains reach, worst of all conditions."""
+        """The figures of the gains, the worst of all conditions."""
         return self.search_result.figures
 
     @property
     def missed_aims(self) -> Mapping[str, float]:
-        """Aims that are missed, by how much of their limit."""
+        """The missed aims with their relative excess over the limit."""
         return self.aims.missed_by(self.figures)
 
 
 @dataclass(frozen=True, repr=False)
 class Tuning(Result):
-    """What a tuning gave.
+    """The result of a tuning.
 
     Parameters
     ----------
     rig : BodyRig or PiezoRig
     controller : ControllerFile or None
-        As it was; None of a stage or a piezo stage.
+        The controller file before tuning; None for a stage or a piezo stage.
     plant : PlantCheck or None
-        What the loops say about the plant of a bearing.
-    own : str
-        The variant that the files name; of stages ``full``.
+        Comparison of the plant of a bearing with the measured loops.
+    main_variant : str
+        The variant of the controller file; ``full`` for stages.
     aims : Aims
     budget, seed : int
-    tuned : mapping of str to Tuned
+    tuned : mapping of str to TunedVariant
         By variant.
     written : mapping of str to Path
-        Controller or rig file of every variant.
+        The controller or rig file of every variant.
     interrupted : bool
-        Whether ctrl-C ended it.
+        Whether ctrl-C ended the tuning.
     seconds, cpu_seconds : float
-        By the clock, and of all processes.
+        Elapsed time, and processor time of all processes.
     """
 
     rig: BodyRig | PiezoRig
@@ -87,11 +87,11 @@ class Tuning(Result):
 
     @property
     def first_tuned(self) -> TunedVariant:
-        """What was tuned first; rig, conditions and figures are those of all."""
+        """The variant that was tuned first; all have the same rig, conditions and figures."""
         return next(iter(self.tuned.values()))
 
     def facts(self) -> dict[str, str]:
-        """Return what the gains of every variant reach, and the aims that they miss."""
+        """Return the figures of every variant and its missed aims, as text."""
         facts = {"rig": self.rig.settings.name, "found in": f"{self.seconds:.0f} s"}
         for name, one in self.tuned.items():
             reached = [
@@ -102,7 +102,7 @@ class Tuning(Result):
         return facts
 
     def to_columns(self) -> dict[str, Any]:
-        """Return what the gains of every variant reach, worst of all conditions."""
+        """Return the figures of every variant, the worst of all conditions."""
         return rows_to_columns(
             [
                 {"variant": name, **one.figures.by_name(), "met": not one.missed_aims}
@@ -111,7 +111,7 @@ class Tuning(Result):
         )
 
     def draw(self, ax: Axes) -> None:
-        """Draw the peak of the sensitivity of every variant over what was made small."""
+        """Draw the peak sensitivity over the minimised figure for every variant."""
         for name, one in self.tuned.items():
             title = GAIN_METRICS[one.figures.cost_name]
             at = title.factor * one.figures.cost, one.figures.peak_sensitivity
@@ -135,13 +135,14 @@ _PHRASES = {
         BENEFICIAL_CONDITIONS["piezo"],
     ),
 }
-"""Of what is made small: what a variant does, and another one; its name; where it would pay."""
+"""For each minimised figure: verbs for the model and for the baseline, the name, and the advice."""
 
 
 def verdict_text(tuning: Tuning) -> str:
-    """Say in a sentence whether it is, against which baseline, and how measured flux does.
+    """Return a sentence on whether hysteresis models are worth it, and on measured flux.
 
-    What counts is the settling time of those whose gains meet the aims, or the moving average.
+    The best model and the best baseline are compared by settling time, moving average or rms error.
+    Variants that meet their aims come first.
     """
     models = [
         one
@@ -162,7 +163,7 @@ def verdict_text(tuning: Tuning) -> str:
 
 
 def _sort_best_first(ones: Iterable[TunedVariant]) -> list[TunedVariant]:
-    """Return the best that meets its aims first."""
+    """Sort variants: first those that meet their aims, then by cost."""
     return sorted(ones, key=lambda one: (bool(one.missed_aims), one.figures.cost))
 
 
@@ -200,13 +201,13 @@ def _cost_interval(one: TunedVariant) -> Interval:
 
 
 RESULT_FILES = ("tuning.json", "tuning.md", "pareto.png")
-"""Files beside the tuned controllers."""
+"""Files that are written next to the tuned controllers."""
 _MAX_NOTES = 3
-"""Things that limit, of each kind, which a note or a line names; all stand in ``tuning.json``."""
+"""Maximum number of limits in a comment or a message. ``tuning.json`` contains all of them."""
 
 
 def describe_shortfall(tuning: Tuning) -> str | None:
-    """Say which aims the file's own variant misses, the best reached, and what limits; None if none."""
+    """Return a sentence on missed aims of the main variant; None if it meets all."""
     tuned = tuning.tuned.get(tuning.main_variant)
     if tuned is None or not tuned.missed_aims:
         return None
@@ -248,7 +249,7 @@ def make_file_note(tuned: TunedVariant, tuning: Tuning) -> str:
 
 
 def format_aims(tuning: Tuning) -> str:
-    """Write aims in a line."""
+    """Return the aims as one line of text."""
     limits = ", ".join(
         f"{GAIN_METRICS[name].title} <= {GAIN_METRICS[name].format_limit(limit)}"
         for name, limit in tuning.aims.limits.items()
@@ -265,7 +266,7 @@ def write_results(tuning: Tuning, folder: Path) -> None:
 
 
 def table_rows(tuning: Tuning) -> list[list[str]]:
-    """Return the table of all variants, the best that meets its aims first."""
+    """Return the table of all variants, sorted by result."""
     return [_table_row(one) for one in _sort_best_first(tuning.tuned.values())]
 
 
@@ -291,14 +292,14 @@ def _table_row(tuned: TunedVariant) -> list[str]:
 
 
 def column_heads(tuning: Tuning) -> list[str]:
-    """Return the heads of the columns of :func:`rows`."""
+    """Return the column heads of :func:`table_rows`."""
     titles = [GAIN_METRICS[name] for name in tuning.first_tuned.figures.by_name()]
     figures = [f"{one.title}, {one.unit}" if one.unit else one.title for one in titles]
     return ["variant", *figures, "aims", "what limits"]
 
 
 def make_markdown(tuning: Tuning) -> str:
-    """Return the table and what limits as Markdown."""
+    """Return the table and the limits as Markdown."""
     seeds, loop = tuning.rig.settings.noise_seeds, tuning.first_tuned.search_result.loop
     head = column_heads(tuning)
     lines = [
@@ -324,7 +325,7 @@ def make_markdown(tuning: Tuning) -> str:
 
 
 def result_dict(tuning: Tuning) -> dict[str, Any]:
-    """Return what ``tuning.json`` holds; the same for the same input and seed."""
+    """Return the content of ``tuning.json``; equal for equal input and seed."""
     rig, loop = tuning.rig.settings, tuning.first_tuned.search_result.loop
     return {
         "format": "anhyst-tuning",
@@ -380,5 +381,5 @@ def _variant_dict(tuned: TunedVariant) -> dict[str, Any]:
 
 
 def meets_other_aims(aims: Aims, figures: GainFigures) -> bool:
-    """Return whether the aims other than what is made small and peak sensitivity are met."""
+    """Whether all aims except minimised figure and peak sensitivity are met."""
     return not set(aims.missed_by(figures)) - {figures.cost_name, "peak_sensitivity"}

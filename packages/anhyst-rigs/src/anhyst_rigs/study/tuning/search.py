@@ -1,8 +1,10 @@
-"""From aims to gains: screen, search in the nonlinear loop, check, and again where that fails.
+"""Search controller gains for stated aims.
 
-The screen is a cheap look at many gains at once: the loop linearised at every gap and load. Nothing
-of hysteresis and noise is in it; limits only in so far as the force that the largest step asks for
-is known. It finds where a search should begin.
+The search has three parts. A screen evaluates many gains in loops that are linearised at every gap
+and load, and finds initial guesses. It neglects hysteresis and noise, and limits the force demand
+of the largest step. A CMA evolution strategy then improves the gains in the nonlinear loop. A check
+runs the best gains with all noise seeds. If it misses an aim, the search continues with tighter
+limits.
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ from anhyst_rigs.study.tuning.trial import (
 
 
 class CmaStrategy:
-    """Draws points around a mean, and moves mean and spread to where the better ones lie."""
+    """CMA evolution strategy in the unit box, with an ask-and-tell interface."""
 
     def __init__(
         self, mean: FloatArray, sigma: float, seed: list[int], population_size: int
@@ -47,12 +49,12 @@ class CmaStrategy:
         self._points: list[FloatArray] = []
 
     def ask(self) -> FloatArray:
-        """Return the points of the next generation, shape (children, n)."""
+        """Return the points of the next generation, shape (population_size, n)."""
         self._points = [self._optimiser.ask() for _ in range(self._optimiser.population_size)]
         return np.array(self._points)
 
     def tell(self, costs: FloatArray) -> None:
-        """Take the costs of the points asked for, in the same order."""
+        """Update the strategy with the costs of the last points, in the same order."""
         self._optimiser.tell(list(zip(self._points, costs.tolist(), strict=True)))
 
 
@@ -61,24 +63,25 @@ _OUTPUT_INTERVAL_TICKS = 4  # ticks
 _SETTLING_BAND = 0.02
 
 SOBOL_POINTS = 1024
-"""Places that are spread over the box at first; a power of two."""
+"""Number of Sobol points that are evaluated first; a power of two."""
 REFINEMENT_SIZE = (24, 32)
-"""Generations, and points in each, in which the best of them is improved."""
+"""Number of generations, and points per generation, that improve the best Sobol point."""
 
 
 @dataclass(frozen=True)
 class ScreenResult:
-    """What linear loops do with n sets of gains, worst of all conditions."""
+    """Figures of linear loops with n sets of gains, the worst of all conditions."""
 
-    # settling is infinite where it takes longer than was looked at, or for ever; shape (n,)
+    # Arrays have the shape (n,). The settling time is infinite if a step does not settle in the
+    # horizon.
     overshoot_percent: FloatArray
     settling_time_s: FloatArray
     peak_sensitivity: FloatArray
-    # force that the largest step asks for, in parts of what there is; shape (n,)
+    # force demand of the largest step over the available force
     effort: FloatArray
 
     def costs(self, aims: Aims, horizon_s: float) -> FloatArray:
-        """Return costs as :meth:`Aims.cost` gives them, of what is known here, shape (n,)."""
+        """Return costs similar to :meth:`Aims.cost`, from the figures of linear loops, shape (n,)."""
         missed = np.zeros(self.peak_sensitivity.size)
         limits = {"overshoot_percent": aims.overshoot_percent, "effort": 1.0}
         for name, limit in (limits | {"peak_sensitivity": aims.peak_sensitivity}).items():
@@ -91,7 +94,7 @@ class ScreenResult:
 
 
 class Screen:
-    """Linear loops at several conditions, around which gains are tried."""
+    """Linear loops at several conditions, for a fast evaluation of gains."""
 
     def __init__(
         self, loops: Sequence[LinearLoop], reserves: Sequence[float], horizon_s: float
@@ -110,17 +113,17 @@ class Screen:
         return Screen(loops, self._reserves, self.horizon_s)
 
     def select_loops(self, indices: Iterable[int]) -> Screen:
-        """Return a screen of some of the loops."""
+        """Return a screen with some of the loops."""
         some = list(indices)
         reserves = [self._reserves[index] for index in some]
         return Screen([self.loops[index] for index in some], reserves, self.horizon_s)
 
     def with_scaled_force(self, factor: float) -> Screen:
-        """Return a screen whose largest step has so many times the force."""
+        """Return a screen in which the available force is multiplied by a factor."""
         return Screen(self.loops, [factor * one for one in self._reserves], self.horizon_s)
 
     def evaluate(self, per_tick: FloatArray) -> ScreenResult:
-        """Judge gains, as rows of :attr:`anhyst.control.Pidd2.per_tick`, shape (n, 11)."""
+        """Evaluate n sets of gains, as rows of `anhyst.control.Pidd2.per_tick`, shape (n, 11)."""
         peak = np.max(
             [self._peak_sensitivity(at, per_tick) for at in range(len(self.loops))], axis=0
         )
@@ -145,7 +148,7 @@ class Screen:
     def _evaluate_step(
         self, at: int, per_tick: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return overshoot, %, settling time, s, and effort of a step of the reference."""
+        """Return overshoot (%), settling time (s) and force ratio of a step of the reference."""
         loop = self.loops[at]
         matrix, into = closed_loop_matrices(loop, per_tick)
         for _ in range(int(np.log2(_OUTPUT_INTERVAL_TICKS))):
@@ -155,13 +158,13 @@ class Screen:
         p, _, d, e, _, _, s, t, weight = per_tick.T[:9]
         own = np.stack([d * s + e * s * t, e * t, np.ones(p.size)], axis=1)
         feedback = (-p - d * s - e * s * t)[:, None] * loop.plant[2]
-        asks = np.concatenate([feedback, own], axis=1)  # the controller, of each state
-        jump = weight * p  # and at once, N/m
+        asks = np.concatenate([feedback, own], axis=1)  # controller output for each state
+        jump = weight * p  # direct feedthrough of the reference, N/m
         count = round(self.horizon_s * self._rate / _OUTPUT_INTERVAL_TICKS)
         state = np.zeros_like(into)
         seen = np.empty((count, into.shape[0]))
         force = np.abs(jump)
-        with np.errstate(all="ignore"):  # what is unstable leaves all bounds
+        with np.errstate(all="ignore"):  # unstable loops overflow
             for tick in range(count):
                 state = (matrix @ state[..., None])[..., 0] + into
                 seen[tick] = state @ c
@@ -175,7 +178,7 @@ class Screen:
 
 
 def closed_loop_matrices(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return matrices of closed loops over a tick, and what a reference of 1 adds."""
+    """Return the matrices of closed loops over a tick, and their input vectors for the reference."""
     a, b, c = loop.plant
     n, m = per_tick.shape[0], a.shape[0]
     p, k, d, e, _, _, s, t, weight = per_tick.T[:9]
@@ -197,8 +200,8 @@ def closed_loop_matrices(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatA
 
 
 def minimise_cost(costs: Callable[[FloatArray], FloatArray], size: int, seed: int) -> FloatArray:
-    """Return the point of a box that costs least, beginning at the best of many points."""
-    from scipy.stats import qmc  # slow to load, and used here alone
+    """Return the point of the unit box with the smallest cost, from a Sobol sequence and CMA."""
+    from scipy.stats import qmc  # slow import
 
     points = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SOBOL_POINTS)
     cost = costs(points)
@@ -215,27 +218,28 @@ def minimise_cost(costs: Callable[[FloatArray], FloatArray], size: int, seed: in
 
 
 class LinearLoops(Protocol):
-    """Linear loops that say what points of a box cost."""
+    """Linear loops that evaluate points of a box."""
 
     def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
-        """Return costs as :meth:`Aims.cost` gives them, of what is known here."""
+        """Return costs similar to :meth:`Aims.cost`, from linear loops."""
 
 
 def find_best_point(loop: LinearLoops, space: SearchBox, seed: int, aims: Aims) -> FloatArray:
-    """Return the point that linear loops like best."""
+    """Return the point with the smallest cost in linear loops."""
     return minimise_cost(partial(loop.costs, space, aims), len(space.axes), seed)
 
 
 def find_minimum_cost(space: SearchBox, seed: int, changed: tuple[LinearLoops, Aims]) -> float:
-    """Return what that point costs."""
+    """Return the smallest cost in linear loops, for a pair of loops and aims."""
     loop, aims = changed
     return float(loop.costs(space, aims, find_best_point(loop, space, seed, aims)[None, :])[0])
 
 
 SCREEN_HORIZON_S = 0.03
-"""How long linear steps are looked at, s."""
+"""Duration of steps in the screen, s."""
 SLOPE_FRACTIONS = (0.3, 0.5, 0.75)
-"""Of softened loops: how much small steps feel of the pinning is not known beforehand."""
+"""Fractions between the slope after a reversal (0) and the static slope (1), for softened loops.
+The effective slope for small steps is not known in advance."""
 
 
 def make_screen(
@@ -243,10 +247,10 @@ def make_screen(
     conditions: Sequence[BearingCondition],
     slope_fraction: float = SLOPE_FRACTIONS[1],
 ) -> Screen:
-    """Linearise a setup at every condition: along the static slope, and softened by pinning.
+    """Linearise a setup at every condition, with the static slope and with a softened slope.
 
-    Small steps turn the current, and just after a turn only the reversible part of the iron
-    answers. A loop whose magnet gives a slope between the two stands for such steps.
+    A small step reverses the current. Just after a reversal, only the reversible part of the iron
+    responds, so the slope of the magnet is smaller. The softened loop represents such steps.
     """
     limits = setup.controller.limits
     largest = max(setup.rig.settings.step.heights_m)
@@ -267,44 +271,44 @@ def make_screen(
 
 
 DEFAULT_BUDGET = 240
-"""Sets of gains tried in the nonlinear loop."""
+"""Number of sets of gains that are tried in the nonlinear loop."""
 POPULATION_SIZE = 10
-"""Of a generation of the search; even, so that two cores are busy."""
-_INITIAL_SIGMA = 0.1  # of the box: first step of the search
-_MAX_STARTS = 2  # of which the search goes on with the better one after a third of the budget each
-_MIN_START_DISTANCE = 0.15  # of the box: starts are farther apart than that
-_CHECKS_PER_ROUND = 2  # of the best, after every round
-_MAX_ROUNDS = 3  # at most: a check that fails sends the search back
-_REPEAT_GENERATIONS = 4  # generations of a search that was sent back
-_TIGHTENING_FACTOR = 0.98  # than what the check found too much
-_CHECK_WORK = 15.0  # in sets of gains tried, for whoever wants to know how far it is
-_LIMITS_WORK = 40.0  # finding out what limits the best gains
+"""Number of points in a generation; even, so that two cores are used equally."""
+_INITIAL_SIGMA = 0.1  # initial step of the search, relative to the box
+_MAX_STARTS = 2  # starting points; the better one continues after a third of the budget each
+_MIN_START_DISTANCE = 0.15  # smallest distance between starting points, relative to the box
+_CHECKS_PER_ROUND = 2  # number of candidates that are checked after every round
+_MAX_ROUNDS = 3  # maximum number of rounds; a failed check starts another one
+_REPEAT_GENERATIONS = 4  # generations of a repeated search
+_TIGHTENING_FACTOR = 0.98  # factor on the tightened limits of missed aims
+_CHECK_WORK = 15.0  # work of one check in units of one trial, for the progress
+_LIMITS_WORK = 40.0  # work of finding the limits, in units of one trial
 
 
 @dataclass(frozen=True, eq=False)
 class TriedGains:
-    """Gains that were tried, and what they gave."""
+    """Gains that were tried, and their result."""
 
-    point: FloatArray  # in the box that is searched
-    outcome: GainOutcome  # with one noise seed
+    point: FloatArray  # point of the unit box
+    outcome: GainOutcome  # result with one noise seed
 
 
 @dataclass(frozen=True)
 class SearchResult:
-    """What a search found."""
+    """The result of a search."""
 
-    loop: Tunable  # with the best gains
-    parameters: dict[str, float]  # the best point of the box, by name
-    check: CheckResult | None  # of the best; None if the search was interrupted before
-    initial_outcome: GainOutcome  # of the gains as they were, one noise seed
-    # all that were tried at every condition, those of the front included
+    loop: Tunable  # loop with the best gains
+    parameters: dict[str, float]  # parameters of the best point
+    check: CheckResult | None  # check of the best gains; None if the search was interrupted before
+    initial_outcome: GainOutcome  # result of the original gains with one noise seed
+    # all gains that were tried at every condition, including the initial guesses
     candidates: tuple[TriedGains, ...]
-    tried_count: int  # sets of gains in the nonlinear loop
+    tried_count: int  # number of sets of gains in the nonlinear loop
     interrupted: bool  # whether ctrl-C ended the search
 
     @property
     def figures(self) -> GainFigures:
-        """What the best gains reach, as far as it was checked."""
+        """The figures of the best gains, from the check or, without a check, from the search."""
         if self.check is not None:
             return self.check.worst
         return self.candidates[0].outcome.worst
@@ -314,12 +318,12 @@ class SearchResult:
 class GainSearch:
     """A search for the gains of one variant."""
 
-    loop: Tunable  # all of its controller but the gains is kept
+    loop: Tunable  # loop; only the gains of its controller change
     aims: Aims
     budget: int = DEFAULT_BUDGET  # sets of gains tried in the nonlinear loop before the first check
-    seed: int = 0  # of everything random in the search, and of the noise in it
-    progress: Progress | None = None  # called with what is done and what there is in all
-    jobs: int | None = None  # processes; as many as there are cores if left out
+    seed: int = 0  # seed of the search and of the noise
+    progress: Progress | None = None  # called with the completed and the total work
+    jobs: int | None = None  # number of processes; None: the number of cores
     _search_loop: Tunable = field(init=False)
     _candidates: list[TriedGains] = field(init=False, default_factory=list)
     _tried_count: int = field(init=False, default=0)
@@ -331,7 +335,7 @@ class GainSearch:
         self._total_work = self.budget + _CHECKS_PER_ROUND * _CHECK_WORK + _LIMITS_WORK
 
     def run(self) -> SearchResult:
-        """Search."""
+        """Run the search; ctrl-C returns the best gains so far."""
         before = run_trial(self._search_loop, self.loop.conditions, self.aims, seed=self.seed)
         checked: list[tuple[float, TriedGains, CheckResult]] = []
         interrupted = False
@@ -358,7 +362,7 @@ class GainSearch:
         )
 
     def _run_rounds(self, checked: list[tuple[float, TriedGains, CheckResult]]) -> None:
-        """Search and check; where the check fails, search again with stricter aims."""
+        """Search and check; if the check misses an aim, search again with tighter limits."""
         aims = self.aims
         generations = max(self.budget // POPULATION_SIZE, 1)
         for round_ in range(_MAX_ROUNDS):
@@ -383,7 +387,7 @@ class GainSearch:
             )
 
     def _try_initial_guesses(self) -> None:
-        """Try what linear loops like best."""
+        """Try the initial guesses of linear loops."""
         tasks = list(self.loop.initial_guesses(self.aims, self.seed))
         self._total_work += 2.0 * len(tasks)
         points = map_ordered(call, tasks, lambda *_: self._report_progress(1.0), self.jobs)
@@ -397,7 +401,7 @@ class GainSearch:
             )
 
     def _search(self, aims: Aims, generations: int, round_: int) -> None:
-        """Search around the best, at first around several of them, then where it went best."""
+        """Search from several starting points first, then continue from the best."""
         starts = self._select_distant_starts(aims, _MAX_STARTS if round_ == 0 else 1)
         paths = [
             _SearchPath(
@@ -418,7 +422,7 @@ class GainSearch:
 
     def _run_generations(self, path: _SearchPath, aims: Aims, count: int) -> None:
         for _ in range(count):
-            # Hardest first, so that gains which are no good are given up early.
+            # The hardest conditions first, so that poor gains are abandoned early.
             best = self._sorted_candidates(aims)[0].outcome.figures
             order = sorted(self.loop.conditions, key=lambda each: -aims.cost(best[each]))
             points = path.strategy.ask()
@@ -430,7 +434,7 @@ class GainSearch:
             path.ceiling = float(np.sort(costs)[POPULATION_SIZE // 2 - 1])
 
     def _select_distant_starts(self, aims: Aims, count: int) -> list[TriedGains]:
-        """Return the best that lie apart from each other."""
+        """Return the best candidates that have a minimum distance from each other."""
         chosen: list[TriedGains] = []
         for one in self._sorted_candidates(aims):
             if all(
@@ -454,7 +458,7 @@ class GainSearch:
         return outcomes
 
     def _sorted_candidates(self, aims: Aims) -> list[TriedGains]:
-        """Return what was tried at every condition, the best first."""
+        """Return all completely tried gains, sorted by cost."""
         return sorted(self._candidates, key=lambda each: aims.cost(each.outcome.worst))
 
     def _report_progress(self, work: float) -> None:
@@ -465,7 +469,7 @@ class GainSearch:
 
 @dataclass
 class _SearchPath:
-    """A strategy on its way."""
+    """One run of the strategy from a starting point."""
 
     strategy: CmaStrategy
     ceiling: float = math.inf

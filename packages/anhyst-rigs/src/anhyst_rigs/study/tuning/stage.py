@@ -1,4 +1,8 @@
-"""A stage as what is tuned: its set-points, the linear loop behind its margin, what limits it."""
+"""Tune the PID of a stage.
+
+A trial follows set-points and a standstill. The linear loop of mass, amplifier, delay and PID gives
+the sensitivity, the initial guesses, and the changes that would help.
+"""
 
 from __future__ import annotations
 
@@ -38,25 +42,25 @@ from anhyst_rigs.study.tuning.trial import (
 )
 
 CHECK_PLANTS = 10
-"""Drawn as [spread] says, on which gains are checked."""
+"""Number of random plants of [spread] for the check."""
 MAX_PERIOD_TICKS = 1000.0
-"""Ticks of the controller in a period of the lowest crossover that is searched."""
-_PEAK_FACTORS = (0.7, 0.85, 1.0)  # parts of the aimed peak: where the front is looked at
+"""Largest period of the crossover frequency in the search, in ticks of the controller."""
+_PEAK_FACTORS = (0.7, 0.85, 1.0)  # factors on the peak limit, for the initial guesses
 _FREQUENCY_COUNT = 400
-_MIN_FREQUENCY_RATIO = 1e-5  # of them, in parts of the rate
-_MIN_NOISE_RATIO = 1e-9  # of a mean: less is not noise
-_CROSSOVER_LIMIT_FRACTION = 0.95  # of the highest crossover: counts as all of it
-_FORCE_LIMIT_FRACTION = 0.995  # of the force: counts as all of it
+_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency over the sample rate
+_MIN_NOISE_RATIO = 1e-9  # smallest relative interval that is reported
+_CROSSOVER_LIMIT_FRACTION = 0.95  # fraction of the highest crossover that counts as reached
+_FORCE_LIMIT_FRACTION = 0.995  # fraction of the largest force that counts as reached
 
 
 @dataclass(frozen=True)
 class StageCondition:
-    """What a stage is tried on."""
+    """A motion of the stage in a trial."""
 
     text: str
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it by name."""
+        """Return the condition for JSON."""
         return {"name": self.text}
 
 
@@ -73,14 +77,14 @@ TRAINING, SLOW_TRAINING, STANDSTILL, TEST = (
 
 @dataclass(frozen=True)
 class StageSpace(SearchBox):
-    """What is searched of a stage: the keys of ``[control]`` that make its PID."""
+    """The box of parameters of a stage: the keys of ``[control]`` that define its PID."""
 
-    rate: float  # of the controller, Hz
+    rate: float  # sample rate of the controller, Hz
     max_crossover: float  # highest crossover, Hz
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """Every number by name."""
+        """All axes by parameter name."""
         return {
             "crossover_Hz": Axis(
                 self.rate / MAX_PERIOD_TICKS, min(self.rate / 20.0, self.max_crossover), True
@@ -93,23 +97,23 @@ class StageSpace(SearchBox):
 
 @dataclass(frozen=True)
 class LinearStage:
-    """The position loop of a stage: a mass that nothing holds, current, delay and PID.
+    """The linear position loop of a stage: a free mass, amplifier, delay and PID.
 
-    What the compensator leaves is no part of it, but for the force that disturbs.
+    Errors of the compensation appear only as a disturbance force.
     """
 
     rate: float  # Hz
     mass: float  # kg
-    delay: float  # delay from the sample to the middle of the tick in which it acts, s
-    bandwidth: float  # of the current, Hz
+    delay: float  # delay from a sample to the middle of the tick in which it acts, s
+    bandwidth: float  # bandwidth of the current, Hz
     slit: float  # s
 
     def evaluate(self, gains: Mapping[str, FloatArray]) -> tuple[FloatArray, ...]:
-        """Judge n sets of gains, given as columns of the keys of ``[control]``.
+        """Evaluate n sets of gains, given as columns of the keys of ``[control]``.
 
-        Returned are the peaks of the sensitivity, infinite where a loop is unstable, their
-        frequencies, Hz, and the moving averages that a force of flat spectrum leaves,
-        m/(N/sqrt(Hz)); shape (n,).
+        Returns three arrays of shape (n,): the peak sensitivity, which is infinite for an unstable
+        loop, its frequency (Hz), and the moving average of the error under a disturbance force of
+        flat spectrum, m/(N/sqrt(Hz)).
         """
         frequency = np.geomspace(
             _MIN_FREQUENCY_RATIO * self.rate, 0.499 * self.rate, _FREQUENCY_COUNT
@@ -134,7 +138,8 @@ class LinearStage:
         gain = self.mass * omega**2 / np.abs(shape(1j * omega))
         loop = gain * shape(2.0 * self.rate * (z - 1.0) / (z + 1.0)) * body * hold * current
         turned = np.unwrap(np.angle(1.0 + loop), axis=1)
-        # Three poles at rest turn 1 + L by three quarters on the way up where nothing is unstable.
+        # With three poles at z = 1, a stable loop turns the phase of 1 + L by +270 degrees
+        # (Nyquist).
         stable = np.abs(turned[:, -1] - turned[:, 0] - 1.5 * math.pi) < 0.5 * math.pi
         size = np.where(stable[:, None], 1.0 / np.abs(1.0 + loop), np.inf)
         left = np.where(stable[:, None], np.abs(body * np.sinc(frequency * self.slit)) * size, 1.0)
@@ -142,7 +147,7 @@ class LinearStage:
         return size.max(axis=1), frequency[np.argmax(size, axis=1)], average
 
     def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
-        """Return what points of the box cost: those that keep the peak what they leave."""
+        """Return the costs of points: the moving average if the peak is permitted, else more."""
         rows = [space.parameters(point) for point in points]
         columns = {name: np.array([row[name] for row in rows]) for name in space.axes}
         peak, _, average = self.evaluate(columns)
@@ -151,7 +156,7 @@ class LinearStage:
 
 
 def make_linear_stage(rig: BodyRig) -> LinearStage:
-    """Return the linear loop of a rig file; the amplifier counts as a low pass of its bandwidth."""
+    """Return the linear loop of a rig; the amplifier is a low pass of its bandwidth."""
     file = rig.settings
     return LinearStage(
         rate=file.timing.rate_Hz,
@@ -164,25 +169,25 @@ def make_linear_stage(rig: BodyRig) -> LinearStage:
 
 @dataclass(frozen=True)
 class StageLoop:
-    """A variant behind the controller of a stage."""
+    """One compensation variant with the controller of a stage."""
 
     setup: StageSetup
-    feedforward: Feedforward  # found with the gains as they were; a check finds its own
-    max_crossover: float = math.inf  # crossover, Hz: what resonances allow that no plant here has
+    feedforward: Feedforward  # feedforward for the original gains; a check identifies its own
+    max_crossover: float = math.inf  # highest crossover, Hz; set by resonances of real stages
     conditions: tuple[StageCondition, ...] = (TRAINING, SLOW_TRAINING, STANDSTILL)
 
     @property
     def space(self) -> StageSpace:
-        """The box that is searched."""
+        """The box of parameters that is searched."""
         return StageSpace(self.setup.rig.settings.timing.rate_Hz, self.max_crossover)
 
     @property
     def linear_loop(self) -> LinearStage:
-        """The linear loop, whatever the gains."""
+        """The linear loop without its gains."""
         return make_linear_stage(self.setup.rig)
 
     def with_gains_at(self, point: FloatArray) -> StageLoop:
-        """Return the same with the gains at a point of the box."""
+        """Return this loop with the gains of a point of the box."""
         numbers = self.space.parameters(point)
         changes = {f"control.{name}": round_gain(value) for name, value in numbers.items()}
         rig = self.setup.rig
@@ -190,11 +195,11 @@ class StageLoop:
         return replace(self, setup=replace(self.setup, rig=rig))
 
     def for_search(self) -> StageLoop:
-        """Return the same: set-points are as long in the search as in the check."""
+        """Return this loop: set-points are equally long in search and check."""
         return self
 
     def make_controller(self) -> None:
-        """Make the controller; InputError where fixed point cannot hold its gains."""
+        """Make the controller; raises InputError if fixed point cannot represent its gains."""
         self.setup.make_controller()
 
     def sensitivity_peak(self) -> tuple[float, float]:
@@ -206,12 +211,15 @@ class StageLoop:
     def figures(
         self, condition: StageCondition, aims: Aims, ceiling: float, seed: int
     ) -> StageFigures | None:
-        """Follow a set-point, or stand still; None if the loop was lost."""
+        """Follow a set-point or stand still; None if the loop was lost.
+
+        The motion is skipped if the sensitivity alone costs more than the ceiling.
+        """
         outcome = StageFigures(peak_sensitivity=self.sensitivity_peak()[0])
         if math.isinf(outcome.peak_sensitivity):
             return None
         if aims.cost(outcome) > ceiling:
-            return outcome  # no motion can make it better
+            return outcome  # the motion can only add cost
         return self._run_condition(condition, self.feedforward, seed, outcome)
 
     def _run_condition(
@@ -253,14 +261,15 @@ class StageLoop:
         )
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
-        """Return what finds the points that linear loops like best, for several peaks."""
+        """Return functions that find the best linear loops for several peak limits."""
         tried = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
         return [partial(find_best_point, self.linear_loop, self.space, seed, one) for one in tried]
 
     def check(self, jobs: int | None = None) -> CheckResult:
-        """Find the feedforward as a simulation does, and judge on what nothing was found on.
+        """Identify the feedforward as a simulation does, and evaluate new motions.
 
-        That is the test set-point with all noise seeds, a standstill, and drawn plants.
+        These are the test set-point with all noise seeds and with random plants, and a standstill.
+        A tenth of the training accelerations is run once more.
         """
         file = self.setup.rig.settings
         feedforward = find_gains(self.setup, self._set_point(TRAINING))
@@ -314,7 +323,7 @@ class StageLoop:
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
     ) -> list[Limit]:
-        """Report what limits gains that were checked: aims, force, and what would help."""
+        """Report what limits checked gains: aims, force, crossover, helpful changes."""
         if not math.isfinite(check_result.worst.cost):
             return [Limit("average_m", "not every noise seed and drawn plant was held")]
         near = check_result.find_binding_aims(aims)
@@ -333,7 +342,7 @@ class StageLoop:
         return [*near, *self._find_helpful_changes(aims, seed, jobs)]
 
     def _find_helpful_changes(self, aims: Aims, seed: int, jobs: int | None) -> list[Limit]:
-        """Tune linear loops again with one thing eased at a time."""
+        """Tune linear loops again with one change at a time, and report the changes that help."""
         loop = self.linear_loop
         sooner = replace(loop, delay=0.5 * (loop.delay + 0.5 / loop.rate))
         faster = replace(loop, bandwidth=2.0 * loop.bandwidth)
@@ -350,17 +359,17 @@ class StageLoop:
         return find_helpful_changes(work, loop, aims, eased, jobs, text)
 
     def gains(self) -> dict[str, float]:
-        """Return the gains as files hold them."""
+        """Return the gains by their names in files."""
         control = self.setup.rig.settings.tracking
         return {name: float(getattr(control, name)) for name in self.space.axes}
 
     @property
     def trial_text(self) -> str:
-        """What is tried at every condition."""
+        """Description of the check."""
         return f"judged on {TEST.text} and on {CHECK_PLANTS} drawn plants"
 
     def facts(self) -> dict[str, Any]:
-        """Return what tuning.json says of the rig."""
+        """Return the data of the rig for tuning.json."""
         file = self.setup.rig.settings
         return {
             "number_format": file.tracking.format,
@@ -369,7 +378,7 @@ class StageLoop:
         }
 
     def explain_parameters(self, parameters: Mapping[str, float]) -> list[str]:
-        """Return lines that say what the numbers of a point mean."""
+        """Return lines of text that explain the parameters of a point."""
         crossover = parameters["crossover_Hz"]
         return [
             f"Crossover {crossover:.4g} Hz; integral up to "
@@ -380,7 +389,10 @@ class StageLoop:
 
 
 def _mean_figures(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, dict[str, float]]:
-    """Return means over the seeds, and half of the 95 % interval of what noise changes."""
+    """Return means over the noise seeds, and half-widths of their 95 % intervals.
+
+    Intervals that are only rounding errors are omitted.
+    """
     means, widths = {}, {}
     for name in StageFigures().by_name():
         interval = mean_interval([getattr(one, name) for one in runs])
@@ -391,7 +403,7 @@ def _mean_figures(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, di
 
 
 def _summarise_plants(drawn: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:
-    """Return what drawn plants did, for tuning.json and in a sentence."""
+    """Return the results of random plants, for tuning.json and as a sentence."""
     count, held = len(drawn), [one for one in drawn if one is not None]
     lost, averages = count - len(held), [one.average_m for one in held]
     peaks = [one.error_peak_m for one in held]

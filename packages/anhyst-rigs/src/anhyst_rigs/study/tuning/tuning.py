@@ -1,4 +1,4 @@
-"""Tune the controller of a rig for one variant or for all: what ``anhyst tune`` does."""
+"""Tune the controller of a rig for one or all variants: the command ``anhyst tune``."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def tune(
     jobs: int | None,
     progress: Progress | None,
 ) -> Tuning:
-    """Find gains for stated aims over all that a rig file names at once: `anhyst.tune`."""
+    """Find controller gains for stated aims, for any kind of rig: `anhyst.tune`."""
     if budget < 10:
         raise InputError(
             f"--budget: {budget} sets of gains are too few; give 10 or more",
@@ -118,30 +118,30 @@ def tune(
 
 
 class TuningSubject(ABC):
-    """A rig and what is written for it."""
+    """A rig whose controller is tuned, and the files that are written for it."""
 
-    file_stem: str  # of the files that are written
+    file_stem: str  # stem of the names of written files
     rig: BodyRig | PiezoRig
     controller: ControllerFile | None = None
-    plant: PlantCheck | None = None  # what the loops say about it
-    main_variant: MethodName  # what is tuned where not all variants are
+    plant: PlantCheck | None = None  # comparison of the plant with the measured loops
+    main_variant: MethodName  # the variant that is tuned by default
 
     def with_default_aims(self, aims: Aims) -> Aims:
-        """Return aims with those that are usual for such a rig, where none is given."""
+        """Return aims with the default limits of this kind of rig."""
         return aims
 
     @abstractmethod
     def variants(self) -> Sequence[MethodName]:
-        """Return all variants."""
+        """Return the names of all variants."""
 
     @abstractmethod
     def make_loops(
         self, names: Sequence[MethodName], jobs: int | None
     ) -> Mapping[MethodName, Tunable]:
-        """Read what is known, and make variants; some may not be possible."""
+        """Identify the plant and make the loops of the variants; impossible variants are omitted."""
 
     def write(self, tuned: TunedVariant, path: Path, note: str) -> None:
-        """Write what a simulation takes: a rig file, where no controller file has the gains."""
+        """Write the tuned rig file, if there is no controller file for the gains."""
         gains = tuned.search_result.loop.gains().items()
         changes: dict[KeyPath, Any] = {("control", name): one for name, one in gains}
         rewrite_rig(self.rig.path, path, changes, note)
@@ -149,7 +149,7 @@ class TuningSubject(ABC):
     def plan_paths(
         self, folder: Path, names: Sequence[MethodName], reads: Sequence[Path]
     ) -> dict[MethodName, Path]:
-        """Return where the files go; find out first whether they can be written."""
+        """Return the paths of the output files, after a check that they can be written."""
         files = {
             name: f"{self.file_stem}{f'-{name}' if len(names) > 1 else ''}.toml" for name in names
         }
@@ -159,7 +159,7 @@ class TuningSubject(ABC):
         elif folder.exists():
             raise InputError(f"{folder}: is a file; name a folder", code="is-a-file")
         else:
-            # A file of that name could be made there, and so could the folder.
+            # If a file of this name could be made, so can the folder.
             above = next(one for one in folder.absolute().parents if one.exists())
             check_writable(above / folder.name)
         return {name: folder / file for name, file in files.items()}
@@ -174,11 +174,11 @@ class HasTuning(Protocol):
     def tuning(
         self, rig: PathLike, controller: PathLike | None, crossover: float | None
     ) -> TuningSubject:
-        """Read a rig file, with a controller file or the highest crossover, Hz, where it takes one."""
+        """Read a rig file, and a controller file or highest crossover (Hz) if accepted."""
 
 
 class BearingSubject(TuningSubject):
-    """A bearing, whose controller file is written anew."""
+    """A bearing, for which a controller file is written."""
 
     file_stem = "controller"
     rig: BodyRig
@@ -189,17 +189,17 @@ class BearingSubject(TuningSubject):
         self.main_variant = self.controller.settings.compensation.variant
 
     def with_default_aims(self, aims: Aims) -> Aims:
-        """Return aims with a largest overshoot of 2 %, where none is given."""
+        """Return aims with a limit of 2 % for the overshoot, if none is given."""
         return aims if aims.overshoot_percent is not None else replace(aims, overshoot_percent=2.0)
 
     def variants(self) -> Sequence[MethodName]:
-        """Return all variants."""
+        """Return the names of all variants."""
         return compared_variants(self.rig, self.main_variant)
 
     def make_loops(
         self, names: Sequence[MethodName], jobs: int | None
     ) -> Mapping[MethodName, Tunable]:
-        """Identify what is controlled, and make variants."""
+        """Identify the magnet and make the loops of the variants."""
         ready = check_inputs(self.rig, self.controller)
         self.rig, knowledge = ready.rig, ready.identify_magnet()
         self.plant = check_plant(ready.rig, knowledge)
@@ -208,7 +208,7 @@ class BearingSubject(TuningSubject):
         return {name: BearingLoop(setup, conditions) for name, setup in setups.items()}
 
     def write(self, tuned: TunedVariant, path: Path, note: str) -> None:
-        """Write the controller file with the gains that were found."""
+        """Write a controller file with the tuned gains."""
         assert isinstance(tuned.search_result.loop, BearingLoop)
         settings = tuned.search_result.loop.setup.controller
         changes: dict[str, Any] = {"name": f"tuned, {tuned.variant}"}
@@ -219,7 +219,7 @@ class BearingSubject(TuningSubject):
 
 
 class StageSubject(TuningSubject):
-    """A stage, whose rig file is written anew."""
+    """A stage, for which a rig file is written."""
 
     file_stem = "rig"
     main_variant = COMPENSATOR
@@ -239,7 +239,7 @@ class StageSubject(TuningSubject):
             )
 
     def variants(self) -> Sequence[MethodName]:
-        """Return all variants."""
+        """Return the names of all variants."""
         return [
             one
             for one in COMPARED_METHODS
@@ -249,7 +249,7 @@ class StageSubject(TuningSubject):
     def make_loops(
         self, names: Sequence[MethodName], jobs: int | None
     ) -> Mapping[MethodName, Tunable]:
-        """Identify what is controlled, and make variants."""
+        """Identify the magnets and make the loops of the variants."""
         made, _ = make_variants(self.rig, identify_stage_magnet(self.rig), names)
         scan = self.rig.settings.scan
         work = partial(find_gains, motion=scan_motion(scan, scan.train_m_per_s2))
@@ -261,7 +261,7 @@ class StageSubject(TuningSubject):
 
 
 class PiezoSubject(TuningSubject):
-    """A piezo stage, whose rig file is written anew."""
+    """A piezo stage, for which a rig file is written."""
 
     file_stem = "rig"
     main_variant = "full"
@@ -270,13 +270,13 @@ class PiezoSubject(TuningSubject):
         self.rig: PiezoRig = read_piezo_rig(rig)
 
     def variants(self) -> Sequence[MethodName]:
-        """Return all variants."""
+        """Return the names of all variants."""
         return tuple(PIEZO_METHODS)
 
     def make_loops(
         self, names: Sequence[MethodName], jobs: int | None
     ) -> Mapping[MethodName, Tunable]:
-        """Identify what is controlled, and make variants."""
+        """Identify the stack and make the loops of the variants."""
         inverses = find_inverses(self.rig)
         return {name: PiezoLoop(self.rig, inverses[PIEZO_METHODS[name]]) for name in names}
 
@@ -286,7 +286,7 @@ def _tune_all(
     loops: Mapping[MethodName, Tunable],
     progress: Progress | None,
 ) -> tuple[dict[MethodName, TunedVariant], bool]:
-    """Tune one after the other; ctrl-C ends it and keeps what there is."""
+    """Tune one variant after another; ctrl-C keeps the completed ones."""
     tuned: dict[MethodName, TunedVariant] = {}
     parts = split_progress(progress, [1.0] * len(loops))
     for (name, loop), part in zip(loops.items(), parts, strict=True):
@@ -309,6 +309,6 @@ def _tune_all(
 
 
 def _processor_time() -> float:
-    """Return the processor time of this process and those that it waited for, s."""
+    """Return the processor time of this process and its finished children, s."""
     used = os.times()
     return used.user + used.system + used.children_user + used.children_system
