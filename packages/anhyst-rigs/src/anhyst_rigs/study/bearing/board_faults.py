@@ -1,4 +1,4 @@
-"""Every fault of ``docs/firmware.md``, while the firmware holds the armature in the air."""
+"""Inject every fault of ``docs/firmware.md`` while the firmware levitates the armature."""
 
 from __future__ import annotations
 
@@ -18,56 +18,59 @@ from anhyst_rigs.rig.bearing.scenario import MIN_LIFT_S
 from anhyst_rigs.rig.bench.bearing import BearingBench
 
 FaultAction = Callable[[BearingBench, int], bool]
-"""Called before every tick, counted from the beginning of a fault; whether the link stays alive."""
+"""Function that is called before every tick with the bench and the tick since the fault.
+
+It returns whether the link stays alive.
+"""
 _NO_SAMPLE_BIT = 1
 _AMPLIFIER_BIT, _EMERGENCY_STOP_BIT, _OVER_CURRENT_BIT, _SUPPLY_BIT, _TOO_WARM_BIT = 2, 4, 8, 16, 32
 """Bits of ``PORT_...`` in ``firmware/port/port.h``."""
 _SENSOR_ERROR_CODE = -(1 << 31)
-"""What a sensor says that is broken."""
+"""Code of a broken sensor."""
 _SAG_RATIO = 0.2
-"""What a sagging supply is left with."""
+"""Supply voltage after a sag, relative to the nominal one."""
 _MAX_FALL_S = 1.0
-"""Until an armature lies."""
+"""Longest time that is simulated after a fault, until the armature rests."""
 _HOVER_CHECK_S = 0.25
-"""After so long it is seen to levitate on."""
+"""Simulated time after a fault that the armature must survive levitated."""
 _REST_S = 0.02
-"""Without current on its rest, so long, it lies."""
+"""Time on a stop without current after which the armature counts as at rest."""
 _OVERLOAD_S = 0.1
 _STEP_M = 10e-6
 
 
 @dataclass(frozen=True)
 class FaultInjection:
-    """What goes wrong."""
+    """A fault that is injected."""
 
-    name: str  # in words
-    expected_fault: Fault  # that the controller gives; ``NONE`` where it goes on
-    action: FaultAction  # what is done
+    name: str  # description
+    expected_fault: Fault  # expected reason; ``NONE`` if the armature must stay levitated
+    action: FaultAction  # injects the fault
 
 
 @dataclass(frozen=True)
 class FaultOutcome:
-    """How a fault in the air ended."""
+    """The result of a fault while levitated."""
 
     injection: FaultInjection
-    fault: Fault  # that the controller gave
-    is_levitating: bool  # whether it went on hovering
-    seconds: float  # from the fault until the armature lay without current, s; NaN where it went on
-    # at which it first came to the stop on which it rests, and to that at the magnet, m/s; 0 where
-    # it did not
+    fault: Fault  # reported reason
+    is_levitating: bool  # whether the armature stayed levitated
+    seconds: float  # from the fault to rest without current, s; NaN if levitated
+    # speeds at the first contact with the rest and with the stop at the magnet, m/s; 0 without
+    # contact
     rest_speed: float
     magnet_speed: float
-    # largest distance from where it hovered while it went on, m; NaN where it came down
+    # largest deviation of the gap after the fault, m; NaN if the armature came down
     max_deviation: float
 
     @property
     def is_as_expected(self) -> bool:
-        """Whether the controller gave the reason that belongs to the fault, or went on."""
+        """Whether the controller reported the expected reason, or the armature stayed levitated."""
         expected = self.injection.expected_fault
         return self.fault is expected and self.is_levitating == (expected is Fault.NONE)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
+        """Return the outcome for JSON."""
         return {
             "fault": self.injection.name,
             "expected": self.injection.expected_fault.name.lower(),
@@ -83,7 +86,7 @@ class FaultOutcome:
 def _replace_readings(
     ticks: float = math.inf, /, **readings: int | Callable[[PlantSample], int]
 ) -> FaultAction:
-    """Let sensors show something else for some ticks: a number, or what becomes of a sample."""
+    """Replace sensor readings for some ticks by numbers or by functions of the sample."""
 
     def change(sample: PlantSample) -> PlantSample:
         numbers = {name: one(sample) if callable(one) else one for name, one in readings.items()}
@@ -97,7 +100,7 @@ def _replace_readings(
 
 
 def _freeze_position(running: BearingBench, n: int) -> bool:
-    """Freeze the sensor of the position, and step the target."""
+    """Freeze the position sensor, and step the target."""
     if n == 0:
         running.demand(running.gap + _STEP_M)
         last: list[PlantSample] = []
@@ -111,7 +114,7 @@ def _freeze_position(running: BearingBench, n: int) -> bool:
 
 
 def _miss_ticks(running: BearingBench, n: int) -> bool:
-    """Miss five ticks in a row."""
+    """Let the controller miss five ticks in a row."""
     if n == 0:
         running.tap.ticks_to_skip = 5
         running.advance(5)
@@ -119,7 +122,7 @@ def _miss_ticks(running: BearingBench, n: int) -> bool:
 
 
 def _sag_supply(running: BearingBench, n: int) -> bool:
-    """Let the supply fall; the board reports it a millisecond later."""
+    """Reduce the supply; the board reports it after 1 ms."""
     if n == 0:
         running.bearing.supply *= _SAG_RATIO
     if n == round(1e-3 * running.rate):
@@ -134,7 +137,7 @@ def _command_stop(running: BearingBench, n: int) -> bool:
 
 
 def _send_bad_blocks(running: BearingBench, n: int) -> bool:
-    """Send a block with a broken checksum, and one whose words are not valid behind a right one."""
+    """Send a block with a wrong checksum, and one with invalid words and a correct checksum."""
     if n == 0:
         words = running.link.read_block()
         words[2] ^= 0x40
@@ -157,14 +160,14 @@ def _swap_block(running: BearingBench, n: int) -> bool:
 
 
 def _apply_overload(running: BearingBench, n: int) -> bool:
-    """Load it with more than the largest force can carry, for a while."""
+    """Apply a load above the largest force for 100 ms."""
     if n in (0, round(_OVERLOAD_S * running.rate)):
         running.load(1.2 * running.max_load if n == 0 else running.rest_load)
     return True
 
 
 def fault_injections() -> Iterator[FaultInjection]:
-    """Every fault, with the reason that the controller has to give."""
+    """Yield every fault with the reason that the controller must report."""
     yield FaultInjection(
         "three samples missing", Fault.NONE, _replace_readings(3, status=_NO_SAMPLE_BIT)
     )
@@ -216,7 +219,7 @@ def fault_injections() -> Iterator[FaultInjection]:
 
 
 class FaultRuns:
-    """Lifts, hovers, does something bad and watches, again and again in one session."""
+    """Run one fault after another in one session: lift, hover, inject, monitor, recover."""
 
     def __init__(self, setup: BearingSetup, bench: BearingBench) -> None:
         self.setup = setup
@@ -226,7 +229,7 @@ class FaultRuns:
         self._is_first = True
 
     def run(self, injection: FaultInjection) -> FaultOutcome:
-        """Let one thing go wrong in the air."""
+        """Run one fault while the armature is levitated."""
         self._lift_to_hover()
         ending = self._monitor(injection)
         self._recover(ending)
@@ -236,7 +239,7 @@ class FaultRuns:
         return round(seconds * self.running.rate)
 
     def _lift_to_hover(self) -> None:
-        """Lift off with the iron as it is: its memory has followed every current so far."""
+        """Lift off; after the first fault the controller continues with its hysteresis state."""
         running = self.running
         running.load(running.rest_load)
         if running.state is not State.READY:
@@ -287,7 +290,7 @@ class FaultRuns:
         )
 
     def _recover(self, ending: FaultOutcome) -> None:
-        """Everything works again: clear the fault, or land."""
+        """Remove the fault, and clear it in the controller or land."""
         running = self.running
         running.tap.change_sample = None
         running.load(running.rest_load)
@@ -305,5 +308,5 @@ class FaultRuns:
 
 
 def _has_current(now: Mapping[str, float]) -> bool:
-    """Whether a current is asked for."""
+    """Whether any current is commanded."""
     return any(value for name, value in now.items() if name.startswith("command"))

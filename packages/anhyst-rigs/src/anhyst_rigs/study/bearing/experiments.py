@@ -1,15 +1,14 @@
-"""Test cases beside steps: holding a position, trajectories, loads, and things that go wrong.
+"""Run standstill, trajectories, load steps and disturbing events with every variant of a bearing.
 
-Limit cycles at a standstill, distinguished from noise.
+A limit cycle at standstill must be distinguished from noise. Sensor noise is amplified near the
+peak of the sensitivity, so a peak in the spectrum is not evidence. The record is therefore divided
+into pieces of a few periods of the strongest oscillation, long enough that their noise is
+independent. For noise, the complex amplitudes of the pieces are independent normal numbers. A cycle
+is found if
 
-Sensor noise through a loop swells around the peak of its sensitivity, so a peak in a spectrum
-proves nothing. A record is cut into pieces of a few periods of the strongest oscillation, so long
-that noise in one says nothing about the next. If it is noise, their complex amplitudes are
-independent normal numbers. A cycle shows in one of two ways:
-
-- it keeps its phase: the mean of the amplitudes is larger than noise would let it be;
-- or it keeps its size while its phase wanders: the powers are more alike than those of noise, which
-  are distributed exponentially (Moran's test).
+- the phase is constant: the mean of the amplitudes is larger than noise permits;
+- or the amplitude is constant while the phase drifts: the powers scatter less than the exponential
+  distribution of noise (Moran's test).
 """
 
 from __future__ import annotations
@@ -37,11 +36,11 @@ from anhyst_rigs.rig.recording import RISE_CODE, Recording, peak_deviation
 from anhyst_rigs.study.bearing.responses import position_resolution, recovery_time
 from anhyst_rigs.study.engine.table import CaseFigures
 
-_PERIODS_PER_PIECE = 6  # a piece
-_MIN_PIECES = 5  # at least
-_MAX_CANDIDATES = 5  # peaks of the spectrum that are looked at
-_FALSE_ALARM_PROBABILITY = 1e-3  # that a record of noise is taken for a cycle
-_MIN_VARIANCE_SHARE = 0.1  # of the variance
+_PERIODS_PER_PIECE = 6  # number of periods in a piece
+_MIN_PIECES = 5  # minimum number of pieces
+_MAX_CANDIDATES = 5  # number of peaks of the spectrum that are tested
+_FALSE_ALARM_PROBABILITY = 1e-3  # probability that noise is reported as a cycle
+_MIN_VARIANCE_SHARE = 0.1  # smallest share of the variance
 _PADDING_FACTOR = 8
 
 
@@ -49,20 +48,20 @@ _PADDING_FACTOR = 8
 class LimitCycle:
     """A lasting oscillation."""
 
-    amplitude: float  # of its fundamental, in the unit of the signal
+    amplitude: float  # amplitude of the fundamental, in the unit of the signal
     period: float  # s
-    variance_share: float  # of the signal's variance that the fundamental makes up, 0..1
+    variance_share: float  # share of the signal's variance in the fundamental, 0..1
 
 
 def min_detectable_frequency(duration: float) -> float:
-    """Return below which frequency no cycle can be distinguished from noise."""
+    """Return the lowest frequency of a cycle that can be distinguished from noise, Hz."""
     return _PERIODS_PER_PIECE * _MIN_PIECES / duration
 
 
 def find_limit_cycle(
     time: ArrayLike, position: ArrayLike, min_amplitude: float = 1e-9
 ) -> LimitCycle | None:
-    """Look for a limit cycle in a record of a standstill."""
+    """Find a limit cycle in a record of a standstill; None if there is none."""
     t = np.asarray(time, dtype=float)
     y = np.asarray(position, dtype=float)
     y = y - np.polynomial.Polynomial.fit(t, y, 1)(t)
@@ -94,7 +93,7 @@ def _peak_frequencies(y: FloatArray, tick: float) -> list[float]:
 
 
 def _select_distant_peaks(power: FloatArray, distance: int) -> NDArray[np.intp]:
-    """Return the places of the highest peaks so far apart, highest first."""
+    """Return the indices of the highest peaks with a minimum distance, highest first."""
     inner = power[1:-1]
     peaks = 1 + np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]))
     chosen: list[int] = []
@@ -117,7 +116,7 @@ def _amplitudes(y: FloatArray, tick: float, frequency: float) -> NDArray[np.comp
 
 
 def _has_constant_phase(amplitudes: NDArray[np.complex128], samples: int) -> bool:
-    """Whether their mean is too large for noise, at the best of all frequencies."""
+    """Whether the mean amplitude is too large for noise, even at the best frequency."""
     count = len(amplitudes)
     mean = complex(np.mean(amplitudes))
     together = abs(mean) ** 2 / float(np.mean(np.abs(amplitudes) ** 2))
@@ -126,7 +125,7 @@ def _has_constant_phase(amplitudes: NDArray[np.complex128], samples: int) -> boo
 
 
 def _has_constant_amplitude(amplitudes: NDArray[np.complex128]) -> bool:
-    """Whether the powers are too much alike for noise."""
+    """Whether the powers scatter too little for noise."""
     count = len(amplitudes)
     power = np.abs(amplitudes) ** 2
     if np.any(power <= 0.0):
@@ -139,21 +138,21 @@ def _has_constant_amplitude(amplitudes: NDArray[np.complex128]) -> bool:
 Event = Literal["overload", "wrong initial state", "dropped sample"]
 EVENTS: tuple[Event, ...] = get_args(Event)
 Subject = TrajectoryCase | Event | float | None
-"""What an experiment tries; None: it stands still."""
+"""The case of an experiment; None: standstill."""
 
 STANDSTILL_S = 1.0
 RECOVERY_S = 0.3
 OVERLOAD_S = 0.1
 DROP_STEP_M = 50e-6
 RECOVERY_BAND_M = 1e-6
-"""An error of the position within this counts as recovered, m."""
+"""Position error within which the armature counts as recovered, m."""
 MIN_EXCESS_BAND_M = 50e-9
-"""A difference within this does not show, however fine the sensor, m."""
+"""Smallest difference of two runs that counts as an effect of an event, m."""
 
 
 @dataclass(frozen=True)
 class ExperimentTrial:
-    """One experiment with a noise of its own."""
+    """One experiment with one noise seed."""
 
     setup: BearingSetup
     seed: int
@@ -162,27 +161,27 @@ class ExperimentTrial:
 
 @dataclass(frozen=True)
 class ExperimentOutcome:
-    """What an experiment gave."""
+    """The result of an experiment."""
 
-    figures: dict[str, float]  # Numbers by name
-    # the limit cycle if there was one; None where nobody looked for any
+    figures: dict[str, float]  # figures by name
+    # the limit cycle, if any; None if none was searched for
     cycles: tuple[LimitCycle, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentFigures(CaseFigures):
-    """What one variant gave in an experiment."""
+    """The results of one variant in an experiment."""
 
-    # of all runs; a mean over runs with and without one would be neither. None: not looked for
+    # limit cycles of all runs, which are not averaged; None if none were searched for
     cycles: tuple[LimitCycle, ...] | None
 
     def median(self, name: Literal["amplitude", "period"]) -> float | None:
-        """Return the median of the runs that have a limit cycle, m or s."""
+        """Return the median amplitude (m) or period (s) of the runs with a limit cycle."""
         values = [getattr(cycle, name) for cycle in self.cycles or ()]
         return statistics.median(values) if values else None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as ``figures.json`` holds it."""
+        """Return the content of ``figures.json``."""
         if self.cycles is None:
             return super().as_dict()
         return super().as_dict() | {
@@ -193,7 +192,7 @@ class ExperimentFigures(CaseFigures):
 
 
 Experiment = Callable[[ExperimentTrial], ExperimentOutcome | None]
-"""An experiment; it gives None where levitation was lost."""
+"""An experiment; it returns None if levitation was lost."""
 
 
 def run_variants(
@@ -227,7 +226,7 @@ VariantFigures = Mapping[MethodName, ExperimentFigures]
 
 @dataclass(frozen=True)
 class Experiments:
-    """All that is tried beside steps, with every variant."""
+    """All experiments except steps, with every variant."""
 
     standstill: VariantFigures
     trajectories: tuple[tuple[TrajectoryCase, VariantFigures], ...]
@@ -235,7 +234,7 @@ class Experiments:
     events: Mapping[Event, VariantFigures]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as ``figures.json`` holds it."""
+        """Return the content of ``figures.json``."""
 
         def rows(tried: VariantFigures) -> dict[str, Any]:
             return {name: one.as_dict() for name, one in tried.items()}
@@ -259,7 +258,7 @@ def run_experiments(
     seeds: Sequence[int],
     parts: Iterator[Progress],
 ) -> Experiments:
-    """Stand still, follow all trajectories of a rig file, step its loads, and let things go wrong."""
+    """Run the standstill, all trajectories and load steps of a rig file, and all events."""
 
     def tried(work: Experiment, what: Subject = None) -> VariantFigures:
         return run_variants(work, setups, seeds, what, next(parts))
@@ -273,14 +272,14 @@ def run_experiments(
 
 
 def plan_standstill(setup: BearingSetup) -> tuple[Scenario, int]:
-    """Return a scenario of hanging still, and the tick from which on that is judged."""
+    """Return a scenario of a standstill, and the tick at which the evaluation starts."""
     script = _lift_off(setup)
     begin = script.ticks
     return script.hold(STANDSTILL_S).build(), begin
 
 
 def plan_trajectory(setup: BearingSetup, shape: TrajectoryCase) -> tuple[Scenario, int]:
-    """Return a scenario of two periods of a trajectory, and the tick where the second begins."""
+    """Return a scenario of two periods of a trajectory, and the tick at which the second starts."""
     rig = setup.rig
     period = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
     phase = np.arange(2 * period) / period
@@ -291,7 +290,7 @@ def plan_trajectory(setup: BearingSetup, shape: TrajectoryCase) -> tuple[Scenari
 
 
 def plan_load_step(setup: BearingSetup, force: float) -> tuple[Scenario, int]:
-    """Return a scenario in which the load steps by so many newtons, and at which tick."""
+    """Return a scenario with a load step in newtons, and its tick."""
     script = _lift_off(setup)
     begin = script.ticks
     script.set_load(setup.rig.settings.load.force_N + force).hold(RECOVERY_S)
@@ -299,7 +298,7 @@ def plan_load_step(setup: BearingSetup, force: float) -> tuple[Scenario, int]:
 
 
 def run_standstill(trial: ExperimentTrial) -> ExperimentOutcome | None:
-    """Hold a position: rms of the true gap, its drift, and a limit cycle if there is one."""
+    """Hold a position: rms of the true gap, its mean error, and a limit cycle if there is one."""
     part = _run_part(trial, *plan_standstill(trial.setup))
     if part is None:
         return None
@@ -314,7 +313,7 @@ def run_standstill(trial: ExperimentTrial) -> ExperimentOutcome | None:
 
 
 def run_trajectory(trial: ExperimentTrial) -> ExperimentOutcome | None:
-    """Follow a trajectory for two periods; judge the second."""
+    """Follow a trajectory for two periods; evaluate the second."""
     assert isinstance(trial.subject, TrajectoryCase)
     part = _run_part(trial, *plan_trajectory(trial.setup, trial.subject))
     if part is None:
@@ -330,7 +329,7 @@ def run_trajectory(trial: ExperimentTrial) -> ExperimentOutcome | None:
 
 
 def run_load_step(trial: ExperimentTrial) -> ExperimentOutcome | None:
-    """Step the load by so many newtons: how far the armature gives way, and for how long."""
+    """Apply a load step: peak of the position error (m) and recovery time (s)."""
     assert isinstance(trial.subject, float)
     part = _run_part(trial, *plan_load_step(trial.setup, trial.subject))
     if part is None:
@@ -345,21 +344,21 @@ def run_load_step(trial: ExperimentTrial) -> ExperimentOutcome | None:
 
 
 def run_event(trial: ExperimentTrial) -> ExperimentOutcome | None:
-    """Let something go wrong and see how much it shows, and for how long.
+    """Run a disturbing event, and return the size and the duration of its effect.
 
-    ``overload``: for 100 ms the load is larger than any current carries, so that force and current
-    stay at their limits and the armature rests on its stop; judged is how long it takes to come
-    back. ``wrong initial state``: the iron comes from the largest current, the controller takes it
-    for demagnetised, and lifts; judged from lift-off. ``dropped sample``: one sample of the
-    position is lost in a step of 50 um, where the armature is fastest; judged from there. Of the
-    latter two counts what is different from the same run, with the same noise, without the event.
+    ``overload``: for 100 ms the load exceeds the largest force, so that the armature rests on its
+    stop. The result is the recovery time after the overload. ``wrong initial state``: the iron is
+    magnetised by the largest current, but the controller assumes demagnetised iron. The evaluation
+    starts at lift-off. ``dropped sample``: one position sample is lost during a step of 50 um, at
+    the largest speed. The evaluation starts at this tick. The last two are compared with a run
+    without the event and with equal noise.
     """
     if trial.subject == "overload":
         return _run_overload(trial)
     if trial.subject == "wrong initial state":
         scenario = _lift_off(trial.setup).hold(RECOVERY_S).build()
         usual, unusual = (_run(trial, scenario, largest) for largest in (False, True))
-        # control begins at another tick each: with a stronger iron earlier
+        # control starts earlier with a stronger iron
         return _compare_runs(
             trial.setup, usual, unusual, lambda run: int(np.argmax(run["state"] == RISE_CODE))
         )
@@ -384,7 +383,7 @@ def _run_overload(trial: ExperimentTrial) -> ExperimentOutcome | None:
     scenario = script.hold(RECOVERY_S).build()
     recording = SimulatedLoop(trial.setup, trial.seed).run(scenario)
     part = recording.slice_ticks(begin, len(recording))
-    # It lies on its stop when the load goes: what counts is that it levitates again.
+    # The armature rests on its stop when the overload ends; it must be levitated in the last third.
     lost = levitation_loss_time(rig, part, 2 * (scenario.ticks - begin) // 3) is not None
     if lost or len(recording) < scenario.ticks:
         return None
@@ -394,11 +393,11 @@ def _run_overload(trial: ExperimentTrial) -> ExperimentOutcome | None:
 
 
 def excess_band(rig: BodyRig, excess: FloatArray) -> float:
-    """Return the difference of two runs beyond which an event shows, m.
+    """Return the difference of two runs above which an event has an effect, m.
 
-    Three times what one reading is uncertain by, noise and resolution together. Runs that differ
-    by a few readings long ago may stay apart by more than that, as the iron goes other minor loops:
-    four times the standard deviation of the last third, if that is more.
+    The band is three times the resolution of one reading, including noise. Two runs that differ by
+    a few early readings can stay further apart, because the iron follows other minor loops.
+    Therefore, the band is at least four times the standard deviation of the last third.
     """
     reading = 3.0 * position_resolution(rig)
     return max(reading, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), MIN_EXCESS_BAND_M)
@@ -410,7 +409,7 @@ def _compare_runs(
     unusual: tuple[Recording, bool],
     begins: Callable[[Recording], int],
 ) -> ExperimentOutcome | None:
-    """Compare a run with one that knows no event, each from where it begins."""
+    """Compare a run with an event to one without, each from its own start."""
     if usual[1] or unusual[1]:
         return None
     errors = []
@@ -429,7 +428,7 @@ def _lift_off(setup: BearingSetup) -> ScenarioBuilder:
 
 
 def _run_part(trial: ExperimentTrial, scenario: Scenario, begin: int) -> Recording | None:
-    """Run a scenario and return it from a tick on; None where levitation was lost."""
+    """Run a scenario and return its recording from a tick; None if levitation was lost."""
     recording, lost = _run(trial, scenario)
     return None if lost else recording.slice_ticks(begin, len(recording))
 

@@ -1,19 +1,18 @@
-"""A bearing linearised at an operating point, from tick to tick.
+"""Linearise a bearing at an operating point, and analyse its sampled control loop.
 
-With the position ``p = gap_middle - gap``, the winding's voltage v, current i and flux linkage psi,
-and the current i_m that would hold that flux::
+The position is ``p = gap_middle - gap``. The winding has the voltage v, the current i and the flux
+linkage psi. The current i_m is the current that would hold this flux in steady state::
 
     m p'' = k_i i_m + k_s p - d p'
-    psi' = L i_m' + k_i p' = v - R i      motion induces what the force takes
-    i = i_m + (t/L) psi'                  eddy currents hold the flux back by the time t
+    psi' = L i_m' + k_i p' = v - R i      motion induces a voltage
+    i = i_m + (t/L) psi'                  eddy currents delay the flux by the time t
 
-Nothing is approximated in going over to ticks: what the controller puts out is held for a tick and
-takes effect after the delay, which may be a fraction of a tick. A symmetric pair of magnets behaves
-as one with k_i, k_s, L and R of both added up, and so does its compensation.
+The discretisation is exact: the controller output is held for a tick and takes effect after the
+delay, which may be a fraction of a tick. A symmetric pair of magnets equals one magnet with the
+sums of k_i, k_s, L and R, and with the sum of both compensations.
 
-The loop around it: loop gain, sensitivity, poles and margins. The controller is the core's, with the
-gains per tick that it runs with; between it and the current stands what compensates the magnet,
-linearised too.
+The loop is analysed by loop gain, sensitivity, poles and margins. The controller uses the gains per
+tick of the C core. The compensation between controller and current is linearised too.
 """
 
 from __future__ import annotations
@@ -34,38 +33,38 @@ from anhyst.support.numeric import FloatArray
 
 ComplexArray = NDArray[np.complex128]
 
-_GRID_POINTS = 3000  # frequencies between which crossings are searched
-_MIN_FREQUENCY_RATIO = 1e-5  # of them, in parts of the rate
+_GRID_POINTS = 3000  # number of frequencies between which crossings are searched
+_MIN_FREQUENCY_RATIO = 1e-5  # lowest frequency over the sample rate
 
 
 @dataclass(frozen=True)
 class LinearBearing:
-    """What a bearing is for small movements."""
+    """A bearing for small movements."""
 
     mass: float  # kg
-    k_i: float  # force for each ampere, N/A
-    # force for each metre that the gap closes, N/m, less what the load drive gives; positive where
+    k_i: float  # slope of the force over the current, N/A
+    # slope of the force as the gap closes, N/m, minus the stiffness of the load drive; positive if
     # the magnet is unstable
     k_s: float
-    inductance: float  # for small changes at this gap, H
+    inductance: float  # incremental inductance at this gap, H
     resistance: float  # ohm
     damping: float = 0.0  # N s/m
-    eddy_time: float = 0.0  # by which the flux lags behind the current, s
+    eddy_time: float = 0.0  # eddy-current lag of the flux, s
 
     @property
     def current_drive_pole(self) -> float:
-        """The fastest growing pole while the flux follows a held current, Hz; negative: stable."""
+        """The rightmost pole with an impressed current, Hz; negative: stable."""
         return _rightmost_pole(_motion_matrix(self)[:2, :2])
 
     @property
     def voltage_drive_pole(self) -> float:
-        """The same while the voltage is held: the winding slows it down, Hz."""
+        """The rightmost pole with an impressed voltage, Hz. The winding makes it slower."""
         return _rightmost_pole(_motion_matrix(self))
 
 
 @dataclass(frozen=True)
 class AnalogueAmplifier:
-    """An analogue current controller, ``v = gain e + reset times the integral of e``."""
+    """An analogue current controller, ``v = gain e + integral_gain times the integral of e``."""
 
     gain: float  # V/A
     integral_gain: float  # V/(A s)
@@ -73,31 +72,32 @@ class AnalogueAmplifier:
 
 @dataclass(frozen=True)
 class DigitalAmplifier:
-    """A current controller that computes a voltage once a tick.
+    """A current controller that computes a voltage once per tick.
 
-    ``v = feed r + gain (r - i) + I``, ``I`` grows by ``reset (r - i)`` a tick; r is the reference.
+    ``v = feedforward r + gain (r - i) + I``; ``I`` increases by ``integral_gain (r - i)`` per tick.
+    The reference is r.
     """
 
-    feedforward: float  # V/A; the resistance that it knows
+    feedforward: float  # V/A; the nominal resistance
     gain: float  # V/A
-    integral_gain: float  # V/A a tick
-    sensor_bandwidth: float = math.inf  # of the current it reads, Hz; infinite: no lag
+    integral_gain: float  # V/A per tick
+    sensor_bandwidth: float = math.inf  # bandwidth of the current sensor, Hz; infinite: no lag
 
 
 @dataclass(frozen=True)
 class LoopTiming:
-    """When and how fast the loop measures and acts."""
+    """Sample rate, delay and sensor bandwidth of a loop."""
 
-    rate: float  # ticks a second, Hz
-    # from the sample to the amplifier's command, those of sensor and amplifier included
+    rate: float  # ticks per second, Hz
+    # from the sample to the amplifier's command, including the delays of sensor and amplifier
     delay_ticks: float
-    sensor_bandwidth: float = math.inf  # of the position, Hz; infinite: no lag
+    sensor_bandwidth: float = math.inf  # bandwidth of the position sensor, Hz; infinite: no lag
 
 
 def discretise(
     bearing: LinearBearing, amplifier: AnalogueAmplifier | DigitalAmplifier, timing: LoopTiming
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return matrices a, b, c from the current's reference at a tick to the position read, m/A."""
+    """Return matrices a, b, c from the current reference at a tick to the position reading, m/A."""
     a, b, current, direct = voltage_matrices(bearing)
     if isinstance(amplifier, AnalogueAmplifier):
         a, b = _close_current_loop(a, b, current, direct, amplifier)
@@ -126,7 +126,7 @@ def _pad_with_zeros(row: FloatArray, length: int) -> FloatArray:
 
 
 def voltage_matrices(bearing: LinearBearing) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Return what the voltage does, without an amplifier."""
+    """Return state, input, current row and feedthrough of a bearing that is driven by a voltage."""
     held = bearing.eddy_time / bearing.inductance
     share = 1.0 / (1.0 + bearing.resistance * held)
     into = np.array([0.0, 0.0, share / bearing.inductance])
@@ -134,7 +134,7 @@ def voltage_matrices(bearing: LinearBearing) -> tuple[FloatArray, FloatArray, Fl
 
 
 def _motion_matrix(bearing: LinearBearing) -> FloatArray:
-    """Matrix of position, velocity and i_m while the voltage is held."""
+    """Return the state matrix of position, velocity and i_m at constant voltage."""
     mass, inductance = bearing.mass, bearing.inductance
     slowed = bearing.resistance / (inductance + bearing.resistance * bearing.eddy_time)
     return np.array(
@@ -153,9 +153,9 @@ def _rightmost_pole(matrix: FloatArray) -> float:
 def _close_current_loop(
     a: FloatArray, b: FloatArray, current: FloatArray, direct: float, amplifier: AnalogueAmplifier
 ) -> tuple[FloatArray, FloatArray]:
-    """Close the analogue current controller, whose integral becomes the last state."""
+    """Close the analogue current controller; its integral becomes the last state."""
     gain, reset = amplifier.gain, amplifier.integral_gain
-    share = 1.0 / (1.0 + gain * direct)  # the voltage passes into the current at once
+    share = 1.0 / (1.0 + gain * direct)  # the voltage changes the current immediately
     voltage = share * np.append(-gain * current, 1.0)
     flows = _pad_with_zeros(current, 4) + direct * voltage
     whole = block_diag(a, 0.0) + np.outer(np.append(b, 0.0), voltage)
@@ -167,7 +167,7 @@ def _close_current_loop(
 def _append_sensor_lag(
     a: FloatArray, b: FloatArray, reads: FloatArray, direct: float, bandwidth: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Append a lag of first order behind an output, which becomes the output."""
+    """Append a first-order lag to an output; the lag becomes the output."""
     if math.isinf(bandwidth):
         return a, b, reads
     lag = 2.0 * math.pi * bandwidth
@@ -177,7 +177,7 @@ def _append_sensor_lag(
 
 
 def _hold_matrices(a: FloatArray, b: FloatArray, seconds: float) -> tuple[FloatArray, FloatArray]:
-    """Matrices over a time in which the input is held."""
+    """Return the matrices over a time with a constant input."""
     n = len(b)
     whole = np.zeros((n + 1, n + 1))
     whole[:n, :n], whole[:n, n] = a, b
@@ -188,14 +188,14 @@ def _hold_matrices(a: FloatArray, b: FloatArray, seconds: float) -> tuple[FloatA
 def _discretise_with_delay(
     a: FloatArray, b: FloatArray, timing: LoopTiming
 ) -> tuple[FloatArray, FloatArray]:
-    """Go over to ticks: the input of tick n takes effect `delay_ticks` later."""
+    """Return the matrices over a tick; the input of tick n takes effect `delay_ticks` later."""
     tick, n = 1.0 / timing.rate, len(b)
     waiting = math.floor(timing.delay_ticks)
     part = timing.delay_ticks - waiting
     over_tick, _ = _hold_matrices(a, b, tick)
     rest, now = _hold_matrices(a, b, (1.0 - part) * tick)
     _, begin = _hold_matrices(a, b, part * tick)
-    # Rows behind the plant's: what waits, the newest first.
+    # The rows after those of the plant hold the delayed inputs, the newest first.
     line = waiting + (1 if part > 0.0 else 0)
     whole, into = np.zeros((n + line, n + line)), np.zeros(n + line)
     whole[:n, :n] = over_tick
@@ -213,36 +213,37 @@ def _discretise_with_delay(
 
 @dataclass(frozen=True)
 class Compensation:
-    """What stands between demand and current: ``i = (u - k_s p)/k_i``."""
+    """The linear compensation between demand and current: ``i = (u - k_s p)/k_i``."""
 
     k_i: float  # N/A
-    k_s: float = 0.0  # n/m; 0 for a constant ratio of force and current
+    k_s: float = 0.0  # N/m; 0 for a constant ratio of force and current
 
 
 @dataclass(frozen=True)
 class Margins:
-    """How far a loop is from instability."""
+    """Stability margins of a loop."""
 
-    stable: bool  # whether the closed loop is; the margins mean something only if it is
-    # factors below and above 1 by which the loop gain may change; 0 and infinite without limit
+    stable: bool  # whether the closed loop is stable; otherwise the margins are meaningless
+    # factors on the loop gain, below and above 1, at the stability limit; 0 and infinite without
+    # limit
     gain_down: float
     gain_up: float
-    phase: float  # least phase margin, degrees
-    # additional delay that makes it unstable, s (exact for whole ticks); infinite if none does
+    phase: float  # smallest phase margin, degrees
+    # additional delay at the stability limit, s (exact for whole ticks); infinite without limit
     delay: float
     crossover: float  # highest frequency with a loop gain of 1, Hz; 0 if there is none
-    peak: float  # of the sensitivity
+    peak: float  # peak of the sensitivity
     peak_frequency: float  # Hz
 
 
 @dataclass(frozen=True)
 class LinearLoop:
-    """A linear loop."""
+    """A linear control loop of a bearing."""
 
     bearing: LinearBearing
     amplifier: AnalogueAmplifier | DigitalAmplifier
     timing: LoopTiming
-    controller: Pidd2  # of the rate of the chain
+    controller: Pidd2  # at the sample rate of the loop
     compensation: Compensation
 
     def __post_init__(self) -> None:
@@ -254,11 +255,11 @@ class LinearLoop:
 
     @cached_property
     def plant(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Matrices a, b, c from the current's reference at a tick to the position read, m/A."""
+        """Matrices a, b, c from the current reference at a tick to the position reading, m/A."""
         return discretise(self.bearing, self.amplifier, self.timing)
 
     def plant_response(self, frequency: ArrayLike) -> ComplexArray:
-        """Return the position read for each ampere of the reference, m/A."""
+        """Return the response from the current reference to the position reading, m/A."""
         a, b, c = self.plant
         return _frequency_response(a, b, c, self._z(frequency))
 
@@ -271,12 +272,12 @@ class LinearLoop:
         return np.asarray(current * _frequency_response(*self.plant, z))
 
     def sensitivity(self, frequency: ArrayLike) -> ComplexArray:
-        """Return what the controller sees of what is added to the sensor."""
+        """Return the response from a signal added to the sensor to the controller's reading."""
         return np.asarray(1.0 / (1.0 + self.loop_gain(frequency)))
 
     @cached_property
     def poles(self) -> ComplexArray:
-        """Of the closed loop, in z; stable if all lie within the unit circle."""
+        """Poles of the closed loop in z; stable if all are inside the unit circle."""
         a, b, c = self.plant
         own, into, out, through = _controller_matrices(self.controller)
         share = 1.0 / self.compensation.k_i
@@ -291,12 +292,12 @@ class LinearLoop:
 
     @property
     def is_stable(self) -> bool:
-        """Whether the closed loop is; a filter or integral without gain does not count."""
+        """Whether the closed loop is stable; filters and integrals without gain are ignored."""
         return bool(np.max(np.abs(self.poles)) < 1.0)
 
     @cached_property
     def margins(self) -> Margins:
-        """How far it is from instability."""
+        """The stability margins."""
         return _find_margins(self)
 
     def _z(self, frequency: ArrayLike) -> ComplexArray:
@@ -307,7 +308,7 @@ class LinearLoop:
 def _controller_matrices(
     controller: Pidd2,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Matrices from reference and position to the demand; the states are those of ``pidd2_real.h``."""
+    """Return matrices from reference and position to the demand; states as in ``pidd2_real.h``."""
     p, k, d, e, _, _, s, t, weight = controller.per_tick[:9]
     # first = s (y - position), second = t (first - velocity)
     a = np.array([[1.0 - s, 0.0, 0.0], [-s * t, 1.0 - t, 0.0], [0.0, 0.0, 1.0]])
@@ -342,7 +343,7 @@ def _find_margins(loop: LinearLoop) -> Margins:
     values = loop.loop_gain(grid)
     through_axis = [
         gain(f).real for f in _find_roots(lambda f: gain(f).imag, grid, values.imag)
-    ] + [float(values[-1].real)]  # real at half the rate
+    ] + [float(values[-1].real)]  # the loop gain is real at half the rate
     factors = [-1.0 / x for x in through_axis if x < 0.0]
     ones = _find_roots(lambda f: abs(gain(f)) - 1.0, grid, np.abs(values) - 1.0)
     turned = [math.degrees(math.atan2((-gain(f)).imag, (-gain(f)).real)) for f in ones]
@@ -368,7 +369,7 @@ def _find_margins(loop: LinearLoop) -> Margins:
 def _find_roots(
     function: Callable[[float], float], grid: FloatArray, values: FloatArray
 ) -> list[float]:
-    """Return the roots of a function between neighbours of opposite sign."""
+    """Return the roots of a function between neighbouring grid points of opposite sign."""
     change = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
     return [float(brentq(function, grid[i], grid[i + 1], xtol=1e-9 * grid[i])) for i in change]
 
@@ -377,14 +378,14 @@ Zone = Literal["A", "B", "C", "D"]
 
 
 ZONE_LIMITS: Mapping[Zone, float] = {"A": 3.0, "B": 4.0, "C": 5.0}
-"""Largest peak of the sensitivity by zone: 9.5, 12 and 14 dB. A: as newly commissioned; B: fit for
-long operation; C: for a limited time."""
+"""Largest peak of the sensitivity in each zone of ISO 14839-3: 9.5, 12 and 14 dB. A: newly
+commissioned; B: long-term operation; C: limited time."""
 
 
 def find_zone(peak: float) -> Zone:
-    """Return the zone of a peak sensitivity; beyond C, and where it is not a number, D.
+    """Return the zone of a peak sensitivity. Above zone C, and for NaN, it is D.
 
-    >>> zone(2.1), zone(3.0), zone(4.4), zone(9.0)
+    >>> find_zone(2.1), find_zone(3.0), find_zone(4.4), find_zone(9.0)
     ('A', 'A', 'C', 'D')
     """
     return next((name for name, largest in ZONE_LIMITS.items() if peak <= largest), "D")

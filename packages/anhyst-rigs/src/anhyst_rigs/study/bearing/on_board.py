@@ -1,4 +1,8 @@
-"""Levitate a bearing with its firmware: ``anhyst simulate --board``."""
+"""Levitate a bearing with its firmware: the command ``anhyst simulate --board``.
+
+The controller of a rig is compiled and built into the firmware of a board. One run is compared with
+the simulation tick by tick, and every fault is injected once.
+"""
 
 from __future__ import annotations
 
@@ -33,26 +37,26 @@ from anhyst_rigs.study.bearing.inputs import check_inputs, read_files
 
 QEMU = "qemu-mps2"
 _LIFTED_DISTANCE_M = 5e-6
-"""From its rest: an armature that is further away has been lifted."""
+"""Distance from the rest above which the armature counts as lifted."""
 _WORK_OF_PARTS = (2.0, 3.0, 7.0)
-"""Model and code, the run, the faults: parts of the whole."""
+"""Relative work of model and code, of the run, and of the faults, for the progress."""
 
 
 @dataclass(frozen=True)
 class BoardComparison:
-    """What a firmware did in the air.
+    """The run of a firmware compared with its simulation.
 
     Parameters
     ----------
     rig : BodyRig
     controller : ControllerFile
     board : str
-        Where it ran.
+        Board that ran the firmware.
     simulated : Recording
-        The same run with the simulated controller.
+        The run with the simulated controller.
     recorded : Recording
-        The same of the firmware: gaps, speeds and currents are those of the plant.
-    endings : tuple of Ending
+        The run with the firmware. Gaps, speeds and currents are those of the plant.
+    outcomes : tuple of FaultOutcome
         Of every fault.
     """
 
@@ -65,12 +69,12 @@ class BoardComparison:
 
     @property
     def differing_ticks(self) -> int:
-        """Ticks at which a current is another than the simulated one."""
+        """Number of ticks with a current that differs from the simulation."""
         return count_differences(self.simulated, self.recorded)
 
     @property
     def landing_speed(self) -> float:
-        """At which the armature came to its rest the first time after it was in the air, m/s."""
+        """The speed at the rest after the last lift, m/s; NaN without a landing."""
         gap, speed = self.recorded["gap_m"], np.abs(self.recorded["velocity_m_per_s"])
         rest = self.rig.settings.body.stop_high_m
         air = np.flatnonzero(gap < rest - _LIFTED_DISTANCE_M)
@@ -81,12 +85,12 @@ class BoardComparison:
 
     @property
     def has_landed(self) -> bool:
-        """Whether it lies, without current and ready to lift again."""
+        """Whether the run ends in the state ready without current."""
         driven = any(self.recorded[name][-1] for name in _command_columns(self.recorded))
         return bool(self.recorded["state"][-1] == State.READY and not driven)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all of it for JSON; times and distances that do not apply are null."""
+        """Return all results for JSON; times and distances that do not apply are null."""
         return {
             "format": "anhyst-firmware-run",
             "rig": self.rig.settings.name,
@@ -102,12 +106,12 @@ class BoardComparison:
         }
 
     def raise_if_failed(self) -> None:
-        """Raise where the firmware did not do as the simulation, or as it should.
+        """Raise an error if the firmware differs from the simulation, or missed a fault.
 
         Raises
         ------
         NegativeResult
-            Says what.
+            With the reason.
         """
         if self.differing_ticks:
             text = "the firmware drove another current than the simulation at "
@@ -123,7 +127,7 @@ class BoardComparison:
 
 
 def count_differences(simulated: Recording, recorded: Recording) -> int:
-    """Return at how many ticks a current of a run is another than in its simulation."""
+    """Return the number of ticks at which a current differs between a run and its simulation."""
     n = min(len(simulated), len(recorded))
     other = [recorded[name][:n] != simulated[name][:n] for name in _command_columns(simulated)]
     return int(np.count_nonzero(np.any(other, axis=0))) + abs(len(simulated) - len(recorded))
@@ -140,7 +144,7 @@ def run_board(
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> BoardComparison:
-    """Compile the controller of a rig, build the firmware of a board around it, and run it."""
+    """Compile the controller of a rig, build it into the firmware of a board, and run it."""
     if Path(out).suffix != ".json":
         text = f"{out}: the run of a firmware is written as .json; name it so"
         raise InputError(text, code="wrong-ending")
@@ -177,7 +181,7 @@ def build_firmware(
     board: str,
     folder: Path,
 ) -> tuple[BearingSetup, Path]:
-    """Compile what a rig is simulated with, and build a firmware around it."""
+    """Compile the controller of a rig, and build it into the firmware of a board."""
     model = folder / "model.toml"
     table = controller.settings
     kind = table.compensation.variant

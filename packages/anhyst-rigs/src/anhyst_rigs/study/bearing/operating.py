@@ -1,7 +1,8 @@
-"""The operating point of a bearing: slopes of its magnet, poles, and the linear loop around it.
+"""Find the operating point of a bearing: magnet slopes, poles and the linear loop.
 
-Just after a reversal only the reversible part of the iron answers. A controller that works in small
-movements meets that slope and not the one of the whole loop.
+The slopes are measured on the virtual magnet, on its steady-state loop. Just after a reversal only
+the reversible part of the iron responds. Small movements therefore have a smaller slope than the
+full loop.
 """
 
 from __future__ import annotations
@@ -25,20 +26,20 @@ from anhyst_rigs.study.bearing import linear
 _CURRENT_POINTS = 1200
 _GAP_STEP_M = 2e-6
 MIN_TICKS_PER_POLE = 20.0
-"""Least sample rate in multiples of the unstable pole of the plant without controller."""
+"""Smallest sample rate, as a multiple of the unstable pole of the plant."""
 
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """What a bearing is where it works."""
+    """The operating point of a bearing."""
 
     gap: float  # m
-    force: float  # of one magnet, N
-    current: float  # midway between the rising and the falling branch, A
-    force_max: float  # largest at this gap, N
-    slopes: ReversalSlopes  # static slopes, and those just after the current was turned
-    # the whole bearing for small movements; a pair as one magnet with the windings in series, whose
-    # current is the difference of each one from its bias
+    force: float  # force of one magnet, N
+    current: float  # mean of the ascending and the descending branch, A
+    force_max: float  # largest force at this gap, N
+    slopes: ReversalSlopes  # static slopes, and slopes just after a reversal
+    # the bearing for small movements; a pair of magnets as one magnet with the windings in series,
+    # whose current is the deviation of each current from its bias
     bearing: linear.LinearBearing
 
 
@@ -90,16 +91,16 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
 
 
 def has_constant_gains(setup: BearingSetup) -> bool:
-    """Whether the drive of a setup is made of constants, so that its loop is linear by itself.
+    """Whether the compensator of a setup consists of constants, so that its loop is linear.
 
-    What any other drive does to small movements, at the static slopes or at the much smaller ones
-    just after a reversal, no linear loop can show.
+    For any other compensator no linear loop describes small movements, because their slope is
+    between the static slope and the much smaller slope after a reversal.
     """
     return "k_i_N_per_A" in setup.compensator.parameters.constants
 
 
 def check_load(rig: BodyRig, force_max: float) -> None:
-    """Refuse a load that no current can carry."""
+    """Refuse a load that is larger than the largest force."""
     load, faults = rig.static_load, list[FileFault]()
     if not load < force_max:
         text = f"no current can carry {load:.4g} N, the magnet reaches {force_max:.4g} N"
@@ -117,7 +118,7 @@ def check_load(rig: BodyRig, force_max: float) -> None:
 
 
 def check_rate(rig: BodyRig, pole_Hz: float) -> None:
-    """Refuse a sample rate that is too slow for the plant."""
+    """Refuse a sample rate that is too low for the unstable pole of the plant."""
     rate, least = rig.settings.timing.rate_Hz, MIN_TICKS_PER_POLE * pole_Hz
     if rate < least:
         text = f"{rate:.6g} Hz is too slow for a plant whose unstable pole lies at {pole_Hz:.4g} Hz"
@@ -126,7 +127,7 @@ def check_rate(rig: BodyRig, pole_Hz: float) -> None:
 
 
 def _check_lift_off(rig: BodyRig, force_max: float) -> None:
-    """Refuse a load that is carried at the operating gap and not lifted off its rest."""
+    """Refuse a load that cannot be lifted off its rest."""
     if not rig.static_load < force_max:
         gap = rig.settings.body.stop_high_m
         text = f"no current lifts {rig.static_load:.4g} N off the rest at {gap:g} m, the magnet reaches "
@@ -135,7 +136,7 @@ def _check_lift_off(rig: BodyRig, force_max: float) -> None:
 
 
 def _check_probe(rig: BodyRig, probe: FluxSensorTable, density: float, gap: float) -> None:
-    """Refuse a Hall probe that ends below what the largest current makes at the smallest gap, T."""
+    """Refuse a Hall probe whose range is below the largest flux density at the smallest gap, T."""
     seen = density * (1.0 + probe.gain_error)
     if seen > probe.range_T:
         text = f"the largest current makes {seen:.4g} T at a gap of {gap:g} m; raise it"
@@ -144,10 +145,10 @@ def _check_probe(rig: BodyRig, probe: FluxSensorTable, density: float, gap: floa
 
 
 def make_linear_loop(setup: BearingSetup, operating_point: OperatingPoint) -> linear.LinearLoop:
-    """Return the loop of a setup for small movements.
+    """Return the linear loop of a setup for small movements.
 
-    Constants are those of the drive where it has any; a constant ratio cancels no negative
-    stiffness. Every other drive counts as knowing the static slopes.
+    A compensator of constants keeps its own constants. A constant ratio does not cancel the
+    negative stiffness. Every other compensator is assumed to use the static slopes.
     """
     rig = setup.rig
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
@@ -183,16 +184,16 @@ def _make_amplifier(
 
 
 def sweep_frequencies(rig: BodyRig) -> FloatArray:
-    """Return the frequencies of a swept sine, Hz: around everything that a bearing's loop does."""
+    """Return the frequencies of a swept sine around the bandwidth of a bearing, Hz."""
     return geometric_spacing(10.0, min(2000.0, 0.1 * rig.settings.timing.rate_Hz), 25)
 
 
 PATHOLOGICAL_SLOPE_RATIO = 0.25
-"""Share of the static gain below which an iron is called pathological just after a reversal."""
-_SETTLING_CYCLES = 3  # until a loop has settled
-_SAMPLES_PER_BRANCH = 400  # a branch
-_SLOPE_SPAN = 0.05  # of the range, to either side: where the static slopes are taken
-_REVERSAL_STEP = 0.0005  # of the range: how far the current goes back
+"""Slope after a reversal over the static slope below which an iron is called pathological."""
+_SETTLING_CYCLES = 3  # cycles until the loop is in steady state
+_SAMPLES_PER_BRANCH = 400  # number of samples of a branch
+_SLOPE_SPAN = 0.05  # half-width of the fit of a static slope, relative to the current range
+_REVERSAL_STEP = 0.0005  # size of a reversal, relative to the current range
 
 
 @dataclass(frozen=True)
@@ -200,31 +201,31 @@ class Slopes:
     """Force and its slopes at an operating point."""
 
     force: float  # N
-    k_i: float  # for each ampere, N/A
-    k_s: float  # for each metre that the gap closes, N/m
+    k_i: float  # slope over the current, N/A
+    k_s: float  # slope as the gap closes, N/m
 
 
 @dataclass(frozen=True)
 class ReversalSlopes:
-    """Slopes of a magnet with a memory."""
+    """Static slopes of a magnet with hysteresis, and slopes just after a reversal."""
 
-    static: Slopes  # of the middle between the rising and the falling branch of the settled loop
-    after_rise: float  # force for each ampere just after the current was turned, N/A
+    static: Slopes  # of the mean of both branches of the steady-state loop
+    after_rise: float  # slope just after a maximum of the current, N/A
     after_fall: float
 
     @property
     def slope_ratio(self) -> float:
-        """The lesser slope after a reversal, in parts of the static one."""
+        """The smaller slope after a reversal over the static slope."""
         return min(self.after_rise, self.after_fall) / self.static.k_i
 
     @property
     def label(self) -> Literal["regular", "pathological"]:
-        """What that makes of the iron."""
+        """The class of the iron."""
         return label_iron(self.slope_ratio)
 
 
 def label_iron(slope_ratio: float) -> Literal["regular", "pathological"]:
-    """Return what an iron is called whose slope after a reversal is this part of the static one."""
+    """Return the class of an iron from its slope after a reversal over the static slope."""
     return "pathological" if slope_ratio < PATHOLOGICAL_SLOPE_RATIO else "regular"
 
 
@@ -236,7 +237,7 @@ def measure_slopes(
     high: float,
     gap_step: float,
 ) -> ReversalSlopes:
-    """Measure the slopes of a magnet with a memory on its settled loop."""
+    """Measure the slopes of a magnet with hysteresis on its steady-state loop."""
     around, turn = _SLOPE_SPAN * (high - low), _REVERSAL_STEP * (high - low)
     if not low + around < current < high - around:
         raise ValueError(f"the current of {current:g} A is not well within {low:g}..{high:g} A")
@@ -257,7 +258,7 @@ def measure_slopes(
 def _drive(
     apply: Callable[[float, float], float], gap: float, start: float, end: float
 ) -> FloatArray:
-    """Go from one current to another and return the forces on the way."""
+    """Drive the current from one value to another and return the forces along this path."""
     return np.array(
         [apply(float(x), gap) for x in np.linspace(start, end, _SAMPLES_PER_BRANCH + 1)[1:]]
     )
@@ -274,13 +275,13 @@ def _settle_on_loop(
 def _mean_branch(
     apply: Callable[[float, float], float], current: float, gap: float, low: float, high: float
 ) -> tuple[float, float]:
-    """Return force and slope over the current of the middle of both branches."""
+    """Return force and slope over the current, of the mean of both branches."""
     _settle_on_loop(apply, gap, low, high)
     rising, falling = _drive(apply, gap, low, high), _drive(apply, gap, high, low)
     grid = np.linspace(low, high, _SAMPLES_PER_BRANCH + 1)
     middle = 0.5 * (rising[:-1] + falling[-2::-1])  # at grid[1:-1]
     off = grid[1:-1] - current
     near = np.abs(off) <= _SLOPE_SPAN * (high - low)
-    # A parabola, so that the bend of the curve does not tilt its slope.
+    # A parabola, so that the curvature does not bias the slope.
     bend = np.polynomial.Polynomial.fit(off[near], middle[near], 2).convert().coef
     return float(bend[0]), float(bend[1])

@@ -1,11 +1,11 @@
-"""Step responses of several variants over gaps, heights and noise seeds, and their figures.
+"""Measure step responses and sensitivities of bearings.
 
-Times are in seconds at equal distances. A step down is judged as one up.
+Step responses of several variants are evaluated over gaps, heights and noise seeds. Times are in
+seconds at equal intervals, and steps down are evaluated like steps up.
 
-Sensitivity of a running loop, measured: a stepped sine is added to what the controller sees.
-
-The loop answers so that the controller sees ``S`` times what was added. Nothing is linearised, so
-the answer holds for the amplitude that was injected; what the sine leaves unexplained is reported.
+The sensitivity is measured in the running nonlinear loop: a stepped sine is added to the position
+reading, and the ratio of the resulting reading to the added sine is the sensitivity. It applies to
+the amplitude of the sine. The residual that the sine does not explain is reported too.
 """
 
 from __future__ import annotations
@@ -41,37 +41,39 @@ from anhyst_rigs.study.engine.table import (
     strongest_baseline,
 )
 
-SETTLING_BAND = 0.02  # of a step's height
-_RESOLUTION_FACTOR = 3.0  # of a sensor's resolution, rms, within which a position counts as arrived
-_STANDSTILL_PART = 0.25  # last part of a hold, taken for standstill
-# Last part of a hold, taken for what a standstill adds to an overshoot. Deviations to both sides
-# count, beyond a reference only one does: half the hold draws as many chances as the whole of it.
+SETTLING_BAND = 0.02  # settling band, relative to the step height
+_RESOLUTION_FACTOR = 3.0  # smallest settling band, in multiples of the rms resolution of the sensor
+_STANDSTILL_PART = 0.25  # last part of a hold that is evaluated as standstill
+# Last part of a hold from which the noise in an overshoot is estimated. This noise counts
+# deviations to both sides, an overshoot only those to one side. Half the hold therefore gives as
+# many values as the whole hold gives for an overshoot.
 _NOISE_PART = 0.5
 
 
 @dataclass(frozen=True)
 class StepFigures:
-    """What a step of the reference did."""
+    """Figures of a step of the reference."""
 
-    # largest way beyond the new reference, % of the height, noise included; 0 if it was not reached
+    # largest excess over the new reference, % of the height, noise included; 0 if it was not
+    # reached
     overshoot_percent: float
-    # largest deviation of the gap from its mean over the last half of the hold, % of the height: an
-    # overshoot that is no larger shows nothing of the step
+    # largest deviation of the gap from its mean in the last half of the hold, % of the height; a
+    # smaller overshoot is not significant
     noise_percent: float
-    undershoot_percent: float  # largest way back behind the old reference, % of the height
+    undershoot_percent: float  # largest excursion opposite to the step, % of the height
     rise_time_s: float  # from 10 to 90 % of the height; infinite if 90 % was not reached
-    # from the step until the gap stays within :data:`SETTLED` of the height around the new
-    # reference; infinite if it did not within the hold
+    # from the step until the gap stays within :data:`SETTLING_BAND` of the height around the new
+    # reference; infinite if it does not within the hold
     settling_time_s: float
-    settling_in_noise_s: float  # the same for :func:`settling_band`
-    steady_error_m: float  # mean of gap less reference over the last quarter of the hold
-    standstill_rms_m: float  # standard deviation of the gap there
+    settling_in_noise_s: float  # the same with :func:`settling_band`
+    steady_error_m: float  # mean of gap minus reference in the last quarter of the hold
+    standstill_rms_m: float  # standard deviation of the gap in this quarter
 
 
 def settling_band(height: float, resolution: float) -> float:
-    """Return within which distance of its reference a position counts as arrived.
+    """Return the distance from the reference within which a position counts as settled, m.
 
-    It depends on the step and the sensor alone: whoever trembles more gets no wider one.
+    The band depends only on the step and the sensor, so that it is equal for all variants.
     """
     return max(SETTLING_BAND * abs(height), _RESOLUTION_FACTOR * resolution)
 
@@ -79,7 +81,7 @@ def settling_band(height: float, resolution: float) -> float:
 def evaluate_step(
     time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolution: float
 ) -> StepFigures:
-    """Judge one step: one sample of the old level, then the hold at the new one."""
+    """Evaluate one step: one sample of the old reference, then the hold at the new one."""
     t, r, y = (np.asarray(row, dtype=float) for row in (time, reference, gap))
     if len(t) < 8 or r[0] == r[1] or np.any(r[1:] != r[1]):
         raise ValueError("the reference must step after the first sample and stay for at least 7")
@@ -103,19 +105,19 @@ def evaluate_step(
 
 
 def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) -> float:
-    """Return how long after a disturbance an error stays within a band."""
+    """Return the time after a disturbance until the error stays within a band, s."""
     t = np.asarray(time, dtype=float)
     later = t >= start
     return _settling_time(t[later] - start, np.abs(np.asarray(error, dtype=float))[later], band)
 
 
 def rms_rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
-    """Return the rms of a current's rate of change; times the inductance, the voltage it took."""
+    """Return the rms rate of change of a current; multiplied by the inductance, a voltage."""
     return rms(np.diff(np.asarray(current, float)) / np.diff(np.asarray(time, float)))
 
 
 def _crossing_time(since: FloatArray, way: FloatArray, share: float) -> float:
-    """Return when a share of the way was first covered, between samples; inf if never."""
+    """Return the time at which a progress is first reached, interpolated; inf if never."""
     beyond = np.flatnonzero(way >= share)
     if not len(beyond):
         return math.inf
@@ -134,7 +136,7 @@ def _settling_time(since: FloatArray, error: FloatArray, band: float) -> float:
     return math.inf if first == len(since) else float(since[first])
 
 
-_MIN_PERIODS, _MIN_SECONDS = 5, 0.02  # at least, of each frequency
+_MIN_PERIODS, _MIN_SECONDS = 5, 0.02  # minimum measuring time of each frequency
 _MIN_SETTLING_PERIODS, _MIN_SETTLING_S = 2, 0.02
 
 
@@ -143,30 +145,30 @@ class Sensitivity:
     """A measured sensitivity."""
 
     frequency: FloatArray  # Hz; shape (n,)
-    ratio: NDArray[np.complex128]  # what the controller saw over what was injected; shape (n,)
-    # root mean square of what the sine does not explain (noise, harmonics), over that of the
+    ratio: NDArray[np.complex128]  # reading over injected sine; shape (n,)
+    # rms of the reading that the sine does not explain (noise, harmonics), over the rms of the
     # injected sine; shape (n,)
     residual_ratio: FloatArray
-    amplitude: float  # of the injected sine, m
+    amplitude: float  # amplitude of the injected sine, m
 
     @property
     def magnitude(self) -> FloatArray:
-        """Size of the ratio."""
+        """Magnitude of the ratio."""
         return np.abs(self.ratio)
 
     @property
     def decibel(self) -> FloatArray:
-        """Size of the ratio, dB."""
+        """Magnitude of the ratio, dB."""
         return np.asarray(20.0 * np.log10(self.magnitude))
 
     @property
     def peak(self) -> float:
-        """Largest size of the ratio."""
+        """Largest magnitude."""
         return float(np.max(self.magnitude))
 
     @property
     def peak_frequency(self) -> float:
-        """Where it is, Hz."""
+        """Frequency of the largest magnitude, Hz."""
         return float(self.frequency[int(np.argmax(self.magnitude))])
 
     @property
@@ -177,7 +179,7 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class _SinePiece:
-    """Where one frequency stands in the sweep: settling from `begin`, measured in between."""
+    """One frequency of the sweep with the ticks of its begin, evaluation and end."""
 
     frequency: float
     begin: int
@@ -188,13 +190,13 @@ class _SinePiece:
 def measure_sensitivity(
     run: Callable[[FloatArray], Recording], frequencies: ArrayLike, amplitude: float, rate: float
 ) -> Sensitivity:
-    """Measure the sensitivity of a loop."""
+    """Measure the sensitivity of a loop; `run` injects a signal and returns the recording."""
     asked_Hz = np.atleast_1d(np.asarray(frequencies, dtype=float))
     if not (np.all(asked_Hz > 0.0) and np.all(asked_Hz < 0.5 * rate)):
         raise ValueError(f"frequencies must lie between 0 and {0.5 * rate:g} Hz, half the rate")
     pieces = _plan_sweep(asked_Hz.tolist(), rate)
     sines = [sine(one.frequency / rate * np.arange(one.end - one.begin)) for one in pieces]
-    inject = amplitude * np.concatenate(sines)  # every sine is zero at its beginning
+    inject = amplitude * np.concatenate(sines)  # every sine starts at zero
     seen = run(inject)["gap_read_m"]
     if len(seen) != len(inject):
         raise ValueError(f"the run has {len(seen)} ticks where {len(inject)} were injected")
@@ -208,7 +210,7 @@ def measure_sensitivity(
 
 
 def _plan_sweep(frequencies: Sequence[float], rate: float) -> list[_SinePiece]:
-    """Lay the frequencies out one after the other, each over whole periods."""
+    """Arrange the frequencies one after another, each over whole periods."""
     pieces: list[_SinePiece] = []
     begin = 0
     for frequency in frequencies:
@@ -222,10 +224,10 @@ def _plan_sweep(frequencies: Sequence[float], rate: float) -> list[_SinePiece]:
 
 
 def _fit_sine(seen: FloatArray, piece: _SinePiece, rate: float) -> tuple[complex, float]:
-    """Return the complex amplitude against the sine of a piece, and the rms of what is left."""
+    """Return the complex amplitude relative to the sine of a piece, and the rms of the residual."""
     ticks = np.arange(piece.measured_from, piece.end)
     phase = 2.0 * np.pi * piece.frequency / rate * (ticks - piece.begin)
-    # The middle and a slow drift are no answer to the sine.
+    # The mean and a slow drift do not belong to the response.
     drift = np.linspace(-1.0, 1.0, len(ticks))
     basis = np.column_stack([np.sin(phase), np.cos(phase), np.ones_like(phase), drift])
     row = seen[piece.measured_from : piece.end]
@@ -244,14 +246,14 @@ STEP_FIGURES = (
     "current_rate_rms_A_per_s",
     "heat_W",
 )
-"""Of one step, by name; docs/simulate.md says what each is."""
+"""Names of the figures of one step; docs/simulate.md explains them."""
 _FIGURES_BY_MAXIMUM = (OVERSHOOT, NOISE)
-"""Of a step up and one down, the larger one counts; of all other figures the mean."""
+"""Figures of which the larger value of a step up and a step down counts. Others are averaged."""
 
 
 @dataclass(frozen=True)
 class StepRun:
-    """One run of steps: a variant at a gap with a noise of its own."""
+    """One run of steps: a variant at a gap and a load with one noise seed."""
 
     setup: BearingSetup
     gap: float
@@ -261,17 +263,17 @@ class StepRun:
 
 
 class StepResult(NamedTuple):
-    """One step of a run, judged."""
+    """The figures of one step of a run."""
 
     height: float  # m
-    figures: Mapping[str, float]  # by :data:`FIGURES`
+    figures: Mapping[str, float]  # by :data:`STEP_FIGURES`
 
 
 @dataclass(frozen=True, kw_only=True)
 class StepCell(CaseFigures):
-    """One variant, gap, load and height over all seeds, by :data:`FIGURES`.
+    """The figures of one variant, gap, load and height over all seeds, by :data:`STEP_FIGURES`.
 
-    Both directions of a seed count as one value, their mean; of overshoot and noise, the larger one.
+    Both directions of a seed give one value: their mean, or the maximum of overshoot and noise.
     """
 
     variant: MethodName
@@ -281,23 +283,23 @@ class StepCell(CaseFigures):
 
     @property
     def has_overshoot(self) -> bool:
-        """Whether the overshoot is certainly more than what the standstill adds to it."""
+        """Whether the overshoot is significantly larger than the noise in it."""
         return self.interval(OVERSHOOT).exceeds(self.interval(NOISE))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as ``figures.json`` holds it."""
+        """Return the content of ``figures.json``."""
         where = {"gap_m": self.gap, "height_m": self.height, "load_N": self.load}
         return {"variant": self.variant, **where, **super().as_dict()}
 
 
 def position_resolution(rig: BodyRig) -> float:
-    """Return what the position sensor of a rig cannot resolve, rms of noise and steps, m."""
+    """Return the resolution of the position sensor, rms of noise and quantisation, m."""
     sensor = rig.settings.gap_sensor
     return math.hypot(sensor.noise_m, sensor.resolution / math.sqrt(12.0))
 
 
 def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
-    """Run all steps of a run."""
+    """Run all steps of a run; returns their figures, and the time of a loss (s) or None."""
     rig = run.setup.rig
     scenario = plan_steps(rig, run.setup.controller, run.gap, run.heights, run.load)
     recording = SimulatedLoop(run.setup, run.seed).run(scenario)
@@ -331,7 +333,7 @@ def compare_steps(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> list[StepCell]:
-    """Run every setup at every gap and load with every seed, and sum up."""
+    """Run every setup at every gap and load with every seed, and summarise the figures."""
     runs = [
         StepRun(setup, gap, tuple(heights), load, seed)
         for setup, gap, load, seed in product(setups, gaps, loads, seeds)
@@ -349,7 +351,7 @@ def compare_steps(
 
 
 def merge_directions(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
-    """Return what steps up and down of a height are together; None where there was none."""
+    """Return the figures of steps up and down of one height together; None if there are no steps."""
     pair = [one.figures for one in steps if math.isclose(one.height, height, rel_tol=1e-6)]
     return {
         name: float(
@@ -360,7 +362,7 @@ def merge_directions(steps: Sequence[StepResult], height: float) -> dict[str, fl
 
 
 def default_seeds(rig: BodyRig) -> range:
-    """Return the noise seeds that a rig file asks for."""
+    """Return the noise seeds of a rig file."""
     return range(rig.settings.noise_seeds)
 
 
@@ -369,13 +371,13 @@ SWEEP_AMPLITUDE_M = 0.5e-6
 
 
 class _LevitationLostError(Exception):
-    """What lies on its stop answers to no controller."""
+    """The armature was lost during a sweep."""
 
 
 def measure_loop_sensitivity(
     setup: BearingSetup, gap: float, load: float, frequencies: FloatArray, seed: int
 ) -> Sensitivity | None:
-    """Measure the sensitivity of a loop by a swept sine."""
+    """Measure the sensitivity of a setup with a swept sine; None if the armature was lost."""
     rig = setup.rig
     loop = SimulatedLoop(setup, seed)
     loop.run(ScenarioBuilder(rig, gap, load).lift_off(setup.controller).build())
@@ -394,20 +396,20 @@ def measure_loop_sensitivity(
 
 @dataclass(frozen=True)
 class StepComparison:
-    """Figures of one step, up and down, under every variant."""
+    """Figures of one step, up and down, with every variant."""
 
-    gap: float  # around which it goes, m
+    gap: float  # gap around which the step is made, m
     load: float  # N
     height: float  # m
     cells: Mapping[MethodName, StepCell]  # by variant
 
     def figure(self, name: str) -> Mapping[MethodName, Interval]:
-        """Return a figure of every variant, without a mean where levitation was lost."""
+        """Return a figure of every variant; without a mean if levitation was lost."""
         return {key: cell.interval(name) for key, cell in self.cells.items()}
 
 
 def group_by_step(cells: Iterable[StepCell]) -> tuple[StepComparison, ...]:
-    """Put the cells of all variants beside each other."""
+    """Group the cells of all variants by gap, load and height."""
     by_step: dict[tuple[float, float, float], dict[MethodName, StepCell]] = {}
     for cell in cells:
         by_step.setdefault((cell.gap, cell.load, cell.height), {})[cell.variant] = cell
@@ -417,14 +419,14 @@ def group_by_step(cells: Iterable[StepCell]) -> tuple[StepComparison, ...]:
 def compare_overshoots(
     step: StepComparison, mine: MethodName, baseline: MethodName
 ) -> ComparedFigure:
-    """Compare the overshoots of two variants in a step, beyond the larger noise of both."""
+    """Compare the overshoots of two variants in a step, above the larger noise of both."""
     overshoot, noise = step.figure(OVERSHOOT), step.figure(NOISE)
     floor = max(noise[mine].mean, noise[baseline].mean)
     return compare("overshoot", baseline, overshoot[mine], overshoot[baseline], floor)
 
 
 def judge_steps(steps: Sequence[StepComparison], variant: MethodName) -> Judgement:
-    """Judge a variant, or the fullest model beside it where it has none."""
+    """Assess a variant, or the most complete hysteresis model if it uses none."""
     models = [name for name in MODEL_METHODS if any(name in step.cells for step in steps)]
     mine = variant if variant in MODEL_METHODS or not models else models[-1]
     if mine not in MODEL_METHODS:
@@ -446,7 +448,7 @@ def judge_steps(steps: Sequence[StepComparison], variant: MethodName) -> Judgeme
 def _compare_with(
     steps: Sequence[StepComparison], mine: MethodName, others: Sequence[MethodName | None]
 ) -> list[ComparedFigure]:
-    """Compare a variant with another one at each step where both held the armature."""
+    """Compare a variant with another one at each step at which both held the armature."""
     differences = [
         compare_overshoots(step, mine, other)
         for step, other in zip(steps, others, strict=True)

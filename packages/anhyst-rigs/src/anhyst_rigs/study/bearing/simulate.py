@@ -1,4 +1,7 @@
-"""Simulate a magnetic bearing and report what compensation is worth: ``anhyst simulate``."""
+"""Simulate a magnetic bearing and assess its compensation: the command ``anhyst simulate``.
+
+All variants run with the same gains. The rig file defines steps, trajectories and load steps.
+"""
 
 from __future__ import annotations
 
@@ -58,14 +61,14 @@ COMPARED_VARIANTS = (
     "flux",
     *(name for name in MODEL_METHODS if name not in ("at-rest", "fused")),
 )
-"""What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
+"""Variants that are compared with that of the controller file; ``flux`` only with a Hall probe."""
 _WORK_OF_PARTS = (5.0, 4.0)
-"""Model and first run, then the steps, in units of any other experiment."""
+"""Work of model and first run, and of the steps, relative to that of another experiment."""
 
 
 @dataclass(frozen=True, repr=False)
 class Simulation(StudyResult):
-    """What a simulation gave.
+    """The result of a simulation.
 
     Parameters
     ----------
@@ -75,27 +78,27 @@ class Simulation(StudyResult):
         Loops and model.
     setups : mapping of str to BearingSetup
         By variant.
-    at : OperatingPoint
+    operating_point : OperatingPoint
     recording : Recording
-        Of the controller file's own variant: lift-off, steps, load steps, landing.
-    shown : mapping of str to Recording
-        The steps alone, one noise seed, by variant.
+        Run of the variant of the controller file: lift-off, steps, load steps, landing.
+    step_recordings : mapping of str to Recording
+        Runs of the steps with one noise seed, by variant.
     scenario : Scenario
-        Of these.
+        Scenario of these runs.
     cells : list of StepCell
         Figures of all steps, over all seeds.
     experiments : Experiments
-        Figures of all else that was tried.
-    loops : mapping of str to linear.SimulatedLoop
-        For small movements, by variant.
+        Figures of all other experiments.
+    loops : mapping of str to linear.LinearLoop
+        Linear loops for small movements, by variant.
     sensitivity : mapping of str to Sensitivity
-        As measured, by variant; without those that lost levitation.
+        Measured sensitivities, by variant; without variants that lost levitation.
     plant : PlantCheck
-        What the loops say about the plant.
+        Comparison of the plant with the measured loops.
     left_out : mapping of str to str
-        Variants that could not be made, and why.
-    lost_late : sequence of str
-        What follows the steps of the recording and lost levitation.
+        Variants that could not be made, with the reason.
+    losses_after_steps : sequence of str
+        Parts of the recording after the steps in which levitation was lost.
     """
 
     kind: ClassVar = "levitation"
@@ -117,7 +120,7 @@ class Simulation(StudyResult):
 
     @property
     def lost_in(self) -> list[str]:
-        """Everything tried in which the controller file's own variant lost levitation."""
+        """All experiments in which the variant of the controller file lost levitation."""
         tried = self.experiments
         blocks: list[tuple[str, CaseFigures]] = [
             *(
@@ -141,7 +144,7 @@ class Simulation(StudyResult):
         return [*self.losses_after_steps, *runs, *swept]
 
     def refuse_losses(self) -> None:
-        """Raise NegativeResult where the controller file's own variant lost levitation."""
+        """Raise NegativeResult if the variant of the controller file lost levitation."""
         if self.lost_in:
             raise NegativeResult(
                 f"'{self.main_variant}' of the controller file lost levitation: {'; '.join(self.lost_in)}; "
@@ -156,7 +159,7 @@ class Simulation(StudyResult):
 
     @property
     def main_variant(self) -> MethodName:
-        """MethodName of the controller file."""
+        """The variant of the controller file."""
         return self.controller.settings.compensation.variant
 
     def facts(self) -> dict[str, str]:
@@ -172,7 +175,7 @@ class Simulation(StudyResult):
         return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the figures of all steps, one row a variant, gap and height, SI and per cent."""
+        """Return the figures of all steps, one row per variant, gap and height, SI and per cent."""
         names = next((list(cell.figures) for cell in self.cells if cell.figures), [])
         rows = []
         for cell in self.cells:
@@ -183,7 +186,7 @@ class Simulation(StudyResult):
 
     @cached_property
     def figures(self) -> dict[str, Any]:
-        """What ``figures.json`` holds; infinite where a level was not reached, null in the file."""
+        """The content of ``figures.json``; infinite if a level was not reached, null in the file."""
         rig, controller = self.rig.settings, self.controller.settings
         swept = {
             name: {"peak": one.peak, "peak_Hz": one.peak_frequency, "zone": one.zone}
@@ -212,7 +215,7 @@ class Simulation(StudyResult):
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what ``figures.json`` holds."""
+        """Return the content of ``figures.json``."""
         return self.figures
 
     def draw(self, ax: Axes) -> None:
@@ -223,7 +226,7 @@ class Simulation(StudyResult):
         ax.set_ylabel("gap [mm]")
 
     def save(self, path: PathLike) -> Path:
-        """Write recording, identified model and ``figures.json``."""
+        """Write the recording, the identified model and ``figures.json``."""
         self.recording.save(path)
         _write_model(path, self.rig, self.controller, self.knowledge)
         self.write_figures(Path(path).parent / FIGURES_FILE)
@@ -236,7 +239,7 @@ def simulate_bearing(
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
-    """Simulate a bearing with every kind of compensation; nothing is written but what was lost."""
+    """Simulate a bearing with all variants; writes files only if levitation is lost."""
     rig, controller = read_files(rig_path, controller_path)
     ready = check_inputs(rig, controller, _output_paths(out, controller))
     rig = ready.rig
@@ -294,7 +297,7 @@ def simulate_bearing(
 
 
 def _output_paths(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike, ...]:
-    """Return what is written for a recording."""
+    """Return the files that are written for a recording."""
     if out is None:
         return ()
     check_recording(out)
@@ -305,23 +308,23 @@ def _output_paths(out: PathLike | None, controller: ControllerFile) -> tuple[Pat
 def _write_model(
     out: PathLike, rig: BodyRig, controller: ControllerFile, knowledge: IdentifiedMagnet
 ) -> None:
-    """Write the model that was identified, if the controller file names none."""
+    """Write the identified model, if the controller file names none."""
     if controller.model is None:
         magnets = calibrated_magnets(rig, knowledge, controller.settings.compensation.variant)
-        # each of a calibrated pair has one of its own
+        # each magnet of a calibrated pair has its own model
         known = knowledge if len(magnets) > 1 else magnets[0]
         write_model(known.model, _model_path(out))
 
 
 def _model_path(out: PathLike) -> Path:
-    """Return where the model that was identified goes."""
+    """Return the path of the identified model."""
     return Path(out).with_suffix(".model.toml")
 
 
 def _make_compared_setups(
     mine: BearingSetup, controller: ControllerFile, knowledge: IdentifiedMagnet
 ) -> tuple[dict[MethodName, BearingSetup], dict[MethodName, str]]:
-    """Fit what is compared with a setup; report what cannot be made, such as a law without a loop."""
+    """Make the setups of all variants; returns errors for variants that cannot be made."""
     setups: dict[MethodName, BearingSetup] = {}
     left_out: dict[MethodName, str] = {}
     late: tuple[MethodName, ...] = ("at-rest",) if knowledge.model.has_layers else ()
@@ -335,7 +338,7 @@ def _make_compared_setups(
 
 
 def compared_variants(rig: BodyRig, own: MethodName) -> tuple[MethodName, ...]:
-    """Return all variants that a rig allows, that of the controller file among them."""
+    """Return all variants that a rig permits, including that of the controller file."""
     methods = [
         name
         for name in COMPARED_VARIANTS

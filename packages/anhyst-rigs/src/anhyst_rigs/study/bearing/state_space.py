@@ -1,6 +1,6 @@
-"""A bearing for small movements as an object of python-control.
+"""Export a bearing for small movements as a state-space object of python-control.
 
-python-control is in the extra ``control``.
+python-control is installed with the extra ``control``.
 """
 
 from __future__ import annotations
@@ -31,32 +31,32 @@ def linearise(
     *,
     drive: Drive = "current",
 ) -> StateSpace:
-    """Linearise a magnetic bearing about an operating point.
+    """Linearise a magnetic bearing at an operating point.
 
-    With the position ``p = gap_middle - gap``, ``m p'' = k_i i + k_s p - d p' - load``; driven by a
-    voltage, the winding and the voltage that motion induces come on top
-    (:mod:`anhyst_rigs.study.bearing.linear`). The slopes are static ones, rising and falling
-    branch averaged: just after a reversal iron with hysteresis answers less.
+    With the position ``p = gap_middle - gap``, ``m p'' = k_i i + k_s p - d p' - load``. With a
+    voltage drive, the winding and the motion-induced voltage are added
+    (:mod:`anhyst_rigs.study.bearing.linear`). The slopes are static, averaged over the ascending
+    and the descending branch. Just after a reversal, iron with hysteresis has a smaller slope.
 
     Parameters
     ----------
     rig : path-like or BodyRig
         A bearing, or its rig file.
     gap : float, optional
-        Operating gap, m; that of the rig file if left out.
+        Operating gap, m; default: that of the rig file.
     force : float, optional
-        What the magnet carries there, N (of a pair: the bias of each); that of the rig file if left
-        out.
+        Force of the magnet at the operating point, N (of a pair: the bias of each); default: that of the
+        rig file.
     drive : str
-        ``"current"``: the flux follows the current at once; ``"voltage"``: winding and eddy
-        currents are part of it.
+        ``"current"``: the flux follows the current immediately; ``"voltage"``: winding and eddy currents
+        are included.
 
     Returns
     -------
     control.StateSpace
-        Continuous, with named signals: inputs ``current`` (A) or ``voltage`` (V), both less their
-        value at the operating point, and ``load`` (N, opens the gap); outputs ``position`` (m,
-        closes the gap), ``force`` (N) and, driven by a voltage, ``current`` (A).
+        Continuous, with named signals: inputs ``current`` (A) or ``voltage`` (V), both relative to
+        the operating point, and ``load`` (N, opens the gap); outputs ``position`` (m, closes the gap),
+        ``force`` (N) and, with a voltage drive, ``current`` (A).
 
     Raises
     ------
@@ -80,7 +80,7 @@ def linearise(
 
 
 def _at_operating_point(rig: BodyRig, gap: float | None, force: float | None) -> BodyRig:
-    """Return a rig at another operating point."""
+    """Return a rig with another operating gap and force."""
     changes: dict[str, float] = {}
     if gap is not None:
         changes["gap_m"] = gap
