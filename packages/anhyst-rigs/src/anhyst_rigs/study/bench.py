@@ -1,8 +1,8 @@
-"""Open the bench of a rig file: compile its controller, build the firmware, switch on.
+"""Open the bench of a rig file: compile its controller, build the firmware, and switch it on.
 
-Prepared benches are kept in the user's cache under a hash over all that goes into them: the contents
-of the files that a rig names, where they lie, the sources and the binary that compute, the compiler.
-So what is kept is never stale.
+Prepared benches are cached for the user under a hash of all inputs: the contents and paths of the
+files that a rig names, the C sources, the computing binary and the compiler. Therefore, a cached
+bench is never outdated.
 """
 
 from __future__ import annotations
@@ -64,7 +64,9 @@ def open_bench(
     rig_path: PathLike, controller_path: PathLike | None = None, progress: Progress | None = None
 ) -> BearingBench | ForceBench | StageBench | PiezoBench:
     """Open the virtual bench of a rig."""
-    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:  # a firmware runs on without it
+    with tempfile.TemporaryDirectory(
+        prefix="anhyst-"
+    ) as folder:  # firmware needs it only until opened
         parts = split_progress(progress, (2.0, 1.0))
         bench = prepare_bench(rig_path, controller_path, Path(folder), next(parts)).open()
     next(parts)(1, 1)
@@ -78,7 +80,7 @@ def open_board(folder: PathLike, url: str) -> HardwareBench:
 
 
 def controller_url(xcp: str | None, port: str | None) -> str | None:
-    """Return where a controller offers XCP, by TCP or on a serial port; None where neither is given."""
+    """Return the XCP URL of a controller (TCP or serial); None if neither is given."""
     if xcp is not None and port is not None:
         raise InputError(
             "--port: one controller at a time; leave it or --xcp out",
@@ -89,7 +91,7 @@ def controller_url(xcp: str | None, port: str | None) -> str | None:
 
 
 def measure_through_board(folder: PathLike, url: str) -> MeasureFunction:
-    """Return what measures loops through a controller that runs by itself."""
+    """Return a function that measures loops with a controller that runs by itself."""
 
     def measure(specimen: Specimen, progress: Progress | None) -> Excitation:
         with closing(open_board(folder, url)) as bench:
@@ -99,7 +101,7 @@ def measure_through_board(folder: PathLike, url: str) -> MeasureFunction:
 
 
 def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
-    """Read what a better model for a controller that runs by itself is found with."""
+    """Read the data to improve the model of a controller that runs by itself."""
     manifest = _manifest(folder)
     rig = read_rig(rig_path)
     if manifest["controller"] is not None or manifest["io"] not in ("q15", "q31"):
@@ -139,7 +141,7 @@ def _manifest(folder: PathLike) -> dict[str, Any]:
 
 
 def _find_model_file(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
-    """Find the model file that a folder was compiled from, by its checksum."""
+    """Find the model file of a compiled folder, by its checksum."""
     digest = manifest["model"]["sha256"]
     for path in (file for folder in folders for file in sorted(folder.glob("*.toml"))):
         if hashlib.sha256(path.read_bytes()).hexdigest() == digest:
@@ -158,7 +160,7 @@ class HasBench(Protocol):
     def prepare(
         self, rig: PathLike, controller: PathLike | None, folder: Path, progress: Progress | None
     ) -> Prepared:
-        """Compile and build all that the bench needs, its firmware in a folder."""
+        """Compile and build everything that the bench needs, with the firmware in a folder."""
 
     def files(self, rig: PathLike, controller: PathLike | None) -> list[Path]:
         """Return the rig file, and all files that it and a controller file name."""
@@ -167,12 +169,12 @@ class HasBench(Protocol):
 def prepare_bench(
     rig: PathLike, controller: PathLike | None, folder: Path, progress: Progress | None = None
 ) -> Prepared:
-    """Compile and build all that the virtual bench of a rig needs."""
+    """Compile and build everything that the virtual bench of a rig needs."""
     return _bench_kind(rig, controller).prepare(rig, controller, folder, progress)
 
 
 def _bench_kind(rig: PathLike, controller: PathLike | None) -> HasBench:
-    """Return the record of the kind of a rig; refuse a controller file where it takes none."""
+    """Return the kind of a rig; refuses a controller file that the kind does not use."""
     kind = require_rig(rig, "live")
     kind.refuse_options("live", {"--controller": controller})
     return require_capability(kind, HasBench)
@@ -213,13 +215,13 @@ def prepare_force(
 
 
 SWITCHED_METHODS: tuple[MethodName, MethodName] = ("single-valued", COMPENSATOR)
-"""Between what a stage is switched while it runs."""
+"""Methods between which a running stage can be switched."""
 
 
 def prepare_stage(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedStage:
-    """Identify the magnets of a stage, and find the gains of both methods."""
+    """Identify the magnets of a stage, and the feedforward gains of both methods."""
     parts = split_progress(progress, (2.0, 1.0))
     rig = read_stage(rig_path)
     check_calibration(rig)
@@ -235,14 +237,14 @@ def prepare_stage(
 def prepare_piezo(
     rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedPiezo:
-    """Find what makes voltages of displacements, with memory and without."""
+    """Identify the inverses of a piezo stage with and without hysteresis."""
     rig = read_piezo_rig(rig_path)
     inverses = find_inverses(rig)
     return PreparedPiezo(rig, (inverses["single-valued"], inverses["full"]))
 
 
 MAX_CACHED_BENCHES = 20
-"""Benches that are kept; those not opened for longest go."""
+"""Maximum number of cached benches. Those that were not opened for the longest time are removed."""
 _FIRMWARE_FILE, _PICKLE_FILE = "firmware", "prepared.pickle"
 
 
@@ -250,9 +252,9 @@ _FIRMWARE_FILE, _PICKLE_FILE = "firmware", "prepared.pickle"
 def prepare_cached(
     rig_path: PathLike, controller_path: PathLike | None, progress: Progress | None = None
 ) -> Iterator[Prepared]:
-    """Prepare a bench, or take what was prepared of the same files before."""
+    """Prepare a bench, or load it from the cache if it was prepared from the same files before."""
     kind = _bench_kind(rig_path, controller_path)
-    is_kept = kind.prepare.__module__.startswith("anhyst_rigs.")  # no key knows the code of others
+    is_kept = kind.prepare.__module__.startswith("anhyst_rigs.")  # no hash of other packages' code
     place = cache_folder("benches") / _cache_key(kind.files(rig_path, controller_path))
     prepared_before = _load_cached(place) if is_kept else None
     if prepared_before is not None:
@@ -267,7 +269,7 @@ def prepare_cached(
 
 
 def _load_cached(folder: Path) -> Prepared | None:
-    """Return what is kept at a place, if it is there, whole and one's own."""
+    """Return the cached bench of a folder; None if it is missing, damaged or owned by another user."""
     prepared: Prepared | None = load_cached(folder / _PICKLE_FILE)
     if prepared is None:
         return None
@@ -276,7 +278,7 @@ def _load_cached(folder: Path) -> Prepared | None:
 
 
 def _store(prepared: Prepared, folder_path: Path) -> None:
-    """Put a bench into the cache, whole or not at all."""
+    """Write a bench into the cache, completely or not at all."""
     folder_path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".", dir=folder_path.parent) as draft:
         folder = Path(draft) / "whole"
@@ -284,23 +286,23 @@ def _store(prepared: Prepared, folder_path: Path) -> None:
         if prepared.firmware is not None:
             shutil.copy2(prepared.firmware, folder / _FIRMWARE_FILE)
         (folder / _PICKLE_FILE).write_bytes(pickle_with_digest(prepared))
-        shutil.rmtree(folder_path, ignore_errors=True)  # one that could not be read
+        shutil.rmtree(folder_path, ignore_errors=True)  # an unreadable entry
         folder.rename(folder_path)
     remove_oldest(folder_path.parent, MAX_CACHED_BENCHES)
 
 
 def _cache_key(files: Sequence[Path]) -> str:
-    """Return a name for all that goes into a bench."""
+    """Return the hash of everything that a bench depends on."""
     digest = hashlib.sha256(code_digest())
     for path in [*files, *_source_files()]:
         digest.update(f"\0{path}\0{path.resolve()}\0".encode())
-        with suppress(OSError):  # whoever reads it says what is wrong
+        with suppress(OSError):  # the reader reports errors
             digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()
 
 
 def _source_files() -> Iterator[Path]:
-    """Return what firmware is made of: the C that is compiled, the compiler."""
+    """Yield the compilers and the C sources of a firmware."""
     for name in ("cc", "gcc", "clang"):
         if tool := shutil.which(name):
             yield Path(tool)

@@ -1,4 +1,4 @@
-"""Open-loop force control, as in section III of the paper: from a rig file to recordings."""
+"""Run open-loop force control, as in section III of the paper, from a rig file to recordings."""
 
 from __future__ import annotations
 
@@ -55,30 +55,30 @@ if TYPE_CHECKING:
 
 
 MODEL_SCOPES: Mapping[TrialStage, str] = {"end": "end", "positions": "stroke", "moving": "stroke"}
-"""Which models belong to which stage, as their folders are called."""
+"""The models of each stage, by the name of their folder."""
 _PREPARATION_WORK = 4.0
-"""Work of the models, and of the programs, in trials."""
+"""Work of the models, and of the programs, in units of one trial."""
 MAX_DEMAND_S = 120.0
-"""Seconds of a demand from a file at most."""
+"""Maximum duration of a demand from a file, s."""
 
 
 @dataclass(frozen=True, repr=False)
 class ForceControl(StudyResult):
-    """What came out.
+    """The result of force control.
 
     Parameters
     ----------
     rig : Rig
-        The rig, complete.
+        The completed rig.
     out : Path
-        Folder with everything: ``figures.json``, a recording of each trial, and below ``end/`` and
-        ``stroke/`` models and controllers; :func:`anhyst_rigs.reports.force.draw_all` adds pictures.
+        Folder of all results: ``figures.json``, a recording of each trial, and models and controllers in
+        ``end/`` and ``stroke/``; :func:`anhyst_rigs.reports.force.draw` adds pictures.
     figures : dict
-        As in ``figures.json``.
+        Content of ``figures.json``.
     outcomes : tuple of ForceOutcome
         Recordings of all trials.
     plant : PlantCheck
-        What the loops say about the actuator.
+        Comparison of the actuator with the measured loops.
     verified : Verification, optional
         Of the compiled C, if the rig was made from loops.
     """
@@ -93,17 +93,17 @@ class ForceControl(StudyResult):
 
     @property
     def compiled(self) -> Path:
-        """The folder of C that holds for the whole stroke."""
+        """The folder of C with the model of the whole stroke."""
         return self.out / "stroke" / "full" / "controller"
 
     @property
     def lost_in(self) -> list[str]:
-        """Every trial in which the controlled force was lost."""
+        """All trials in which the controlled force was lost."""
         lost: list[str] = self.figures["lost_in"]
         return lost
 
     def refuse_losses(self) -> None:
-        """Raise NegativeResult where a force was lost, or the firmware and its simulation differ."""
+        """Raise NegativeResult if a force was lost, or if the firmware differs from its simulation."""
         if self.lost_in:
             raise NegativeResult(
                 f"the force was lost: {'; '.join(self.lost_in)}; all files are kept",
@@ -124,7 +124,7 @@ class ForceControl(StudyResult):
         return judge_stages(self.figures["summary"])
 
     def facts(self) -> dict[str, str]:
-        """Return where everything is, and the error of each controller's force over all trials."""
+        """Return the folder, and the force error of each controller over all trials."""
         facts = {"folder": str(self.out), "trials": str(len(self.outcomes))}
         rows = self._errors()
         for name in dict.fromkeys(row["controller"] for row in rows):
@@ -148,11 +148,11 @@ class ForceControl(StudyResult):
         ]
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the error of the force of each controller in each trial, N."""
+        """Return the force error of each controller in each trial, N."""
         return rows_to_columns(self._errors())
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what ``figures.json`` holds, and the verification."""
+        """Return the content of ``figures.json``, and the verification."""
         verified = {"verified": self.verified.as_dict()} if self.verified else {}
         return self.figures | verified
 
@@ -175,11 +175,11 @@ def force_control(
     recordings: str = "csv",
     progress: Progress | None = None,
 ) -> ForceControl:
-    """Identify, compile, build, and run every trial of a rig: `anhyst.force_control`."""
+    """Identify, compile and build the controllers, and run every trial: `anhyst.force_control`."""
     named = read_rig(rig)
     demands = _collect_demands(named, demand)
     check_format(Path(out) / f"recording.{recordings}")
-    check_compiler(board)  # miss a tool before the work, not after it
+    check_compiler(board)  # report a missing tool before the computation
     if board == "qemu-mps2":
         find_qemu()
     trials = list(plan_trials(named, demands))
@@ -217,7 +217,7 @@ def force_control(
 
 
 def _compiled_methods(model: Model) -> tuple[MethodName, ...]:
-    """Return what is compiled of a model: where iron answers late, the same at rest besides."""
+    """Return the methods that are compiled; with eddy currents also the model without them."""
     return ("full", "at-rest", "simplified") if model.has_eddy_currents else ("full", "simplified")
 
 
@@ -281,7 +281,7 @@ def _collect_demands(rig: ForceControlRig, path: PathLike | None) -> list[Demand
 
 
 def _read_demand(rig: ForceControlRig, path: PathLike) -> Demand:
-    """Read a demand and give it the ticks of the controller."""
+    """Read a demand and sample it at the ticks of the controller."""
     table = read_columns(path)
     time, force = table.require("time", "t_s"), table.require("force", "F_N")
     most = rig.settings.force.force_max_N
