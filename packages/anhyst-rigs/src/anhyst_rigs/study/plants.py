@@ -1,6 +1,6 @@
-"""Drawn plants of every kind of rig behind every method: bearing, force control, piezo, stage.
+"""Run random plants of bearings, force rigs, piezo stages and stages with every method.
 
-Force control runs its compensators as they are compiled, without firmware and link: those change no bit.
+Force control runs the compiled compensators without firmware and link, which give equal bits.
 """
 
 from __future__ import annotations
@@ -75,7 +75,8 @@ from anhyst_rigs.study.tracking.simulate import (
 
 STANDSTILL_S = 0.25
 BEARING_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued")
-"""Compared with the variant of the controller file: without compensation, and without memory."""
+"""Methods that are compared with the variant of the controller file: without compensation, and
+single-valued."""
 
 
 def bearing_plants(
@@ -84,7 +85,7 @@ def bearing_plants(
     methods: Sequence[MethodName] | None = None,
     seed: int | None = None,
 ) -> Plants:
-    """Return what plants of a bearing are run with; the controller is that of the nominal one."""
+    """Return the random plants of a bearing; the controller is that of the nominal plant."""
     own = controller.settings.compensation.variant
     names = tuple(dict.fromkeys((*BEARING_METHODS, own))) if methods is None else tuple(methods)
     ready = check_inputs(rig, controller)
@@ -111,7 +112,7 @@ def bearing_plants(
 def run_bearing(
     setups: Mapping[MethodName, BearingSetup], method: MethodName, drift: Drift, noise: int
 ) -> dict[str, Any]:
-    """Judge one plant; what lost levitation has no figures."""
+    """Run one plant of a bearing; returns its figures, or only the time of a loss."""
     setup = setups[method]
     rig, tried = setup.rig, setup.rig.settings
     scenario = plan_steps(
@@ -130,7 +131,7 @@ def run_bearing(
 def _evaluate_steps(
     rig: BodyRig, drifted: RigFile, scenario: Scenario, recording: Recording
 ) -> dict[str, Any]:
-    """Judge what an ideal sensor with this gain and offset reads: an offset alone is no overshoot."""
+    """Evaluate an ideal sensor with this gain and offset: an offset is not an overshoot."""
     sensor = drifted.gap_sensor
     read = (1.0 + sensor.gain_error) * recording["gap_m"] + sensor.offset_m
     time, reference = recording["t_s"], recording["reference_m"]
@@ -153,7 +154,7 @@ def _evaluate_steps(
 def read_bearing_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
-    """Read what plants of a bearing are run with."""
+    """Read the files of a bearing, and return its random plants."""
     return bearing_plants(*read_files(rig, controller))
 
 
@@ -163,9 +164,9 @@ FORCE_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
 def force_plants(
     rig: ForceControlRig, model: Model | None = None, loops: Loops | None = None
 ) -> Plants:
-    """Return what plants of a force rig are run with: at every position, and moving.
+    """Return the random plants of a force rig: at every held position, and with a moving armature.
 
-    Its loops are those that its file names, or others of it.
+    The loops are those of the rig file, unless others are given.
     """
     loops = loops or read_rig_loops(rig)
     rig = complete_rig(rig, loops)
@@ -205,7 +206,7 @@ def force_plants(
 def read_force_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
-    """Read what plants of a force rig are run with."""
+    """Read a force rig, and return its random plants."""
     return force_plants(read_rig(rig))
 
 
@@ -222,7 +223,7 @@ def run_force(
     drift: Drift,
     noise: int,
 ) -> dict[str, Any]:
-    """Control the force of a plant in every trial, from demagnetised."""
+    """Control the force of a plant in every trial, from demagnetised iron."""
     plant = drifted_rig(rig, drift)
     figures: dict[str, list[float]] = {"rms_N": [], "worst_N": []}
     for trial in _plan_trials(rig):
@@ -238,7 +239,7 @@ def run_force(
 
 
 def drifted_rig(rig: ForceControlRig, drift: Drift) -> ForceControlRig:
-    """Return a rig whose iron has drifted, in its own file or in that of its solenoid."""
+    """Return a rig with drifted iron, in its own file or in that of its solenoid."""
     file = rig.solenoid_file
     if file is None:
         return replace(rig, settings=drifted_file(rig.settings, drift))
@@ -254,11 +255,11 @@ PIEZO_METHODS: Mapping[MethodName, str] = {
     "single-valued": "single-valued",
     "full": "full",
 }
-"""Of the engine, and what a piezo stage calls them."""
+"""Names of the inverses of a piezo stage, by method."""
 
 
 def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
-    """Return what plants of a piezo stage are run with; its loops are those of the nominal one."""
+    """Return the random plants of a piezo stage; the loops are those of the nominal stage."""
     inverses = find_inverses(rig, loops)
     return Plants(
         file=rig.settings,
@@ -282,7 +283,7 @@ def piezo_plants(rig: PiezoRig, loops: Loops | None = None) -> Plants:
 def read_piezo_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
-    """Read what plants of a piezo stage are run with."""
+    """Read a piezo stage, and return its random plants."""
     return piezo_plants(read_piezo_rig(rig))
 
 
@@ -293,7 +294,7 @@ def run_piezo(
     drift: Drift,
     noise: int,
 ) -> dict[str, Any]:
-    """Follow the triangle; the controller knows the nominal stage alone."""
+    """Follow the triangle with one plant; the controller is that of the nominal stage."""
     plant = replace(rig, settings=drifted_file(rig.settings, drift))
     run = follow_reference(rig, make_reference(rig), inverses[method], plant, noise)
     if run.loss is not None:
@@ -322,11 +323,11 @@ ERROR_CASES: Mapping[str, tuple[str, ...]] = {
     "head positions": ("heads",),
     "all": tuple(_SPREAD_KEYS),
 }
-"""What a plant of a stage has drifted in, case by case, in all of its magnets at once."""
+"""Errors of the plants of a stage, case by case, in all magnets at the same time."""
 
 
 def varied_errors(file: RigFile) -> Mapping[str, tuple[str, ...]]:
-    """Return the cases of a stage: what its file varies, one by one and all at once."""
+    """Return the error cases of a stage: varied errors one at a time, and all together."""
     varied = {name for name, key in _SPREAD_KEYS.items() if getattr(file.spread, key) > 0.0}
     if file.magnet.solid is None:
         varied.discard("conductivity")
@@ -346,9 +347,9 @@ def stage_plants(
     errors: Mapping[str, tuple[str, ...]] | None = None,
     jobs: int | None = None,
 ) -> Plants:
-    """Return what plants of a stage are run with: variants with the gains of the calibrated one.
+    """Return the random plants of a stage, with the gains of the calibrated stage for all variants.
 
-    What a plant has drifted in, case by case, is that of :func:`errors_of` if it is left out.
+    The default error cases are those of :func:`varied_errors`.
     """
     check_calibration(rig)
     known = magnet or identify_stage_magnet(rig)
@@ -383,7 +384,7 @@ def stage_plants(
 def read_stage_plants(
     rig: PathLike, controller: PathLike | None, progress: Progress | None
 ) -> Plants:
-    """Read what plants of a stage are run with."""
+    """Read a stage, and return its random plants."""
     return stage_plants(read_stage(rig), progress=progress)
 
 
@@ -401,7 +402,7 @@ def run_stage(
 ) -> dict[str, Any]:
     """Follow the test set-point with each error alone and with all of them.
 
-    A stage that calibrates itself has worked on the training set-point before.
+    A stage with online calibration runs the training set-point before.
     """
     setup, gains = variants[method]
     scan = setup.rig.settings.scan

@@ -1,4 +1,4 @@
-"""A bench that is ready to be opened: what is compiled and built for it, and what that knows."""
+"""Hold everything that a bench needs before it is opened: setups, models and firmware."""
 
 from __future__ import annotations
 
@@ -33,25 +33,26 @@ from anhyst_rigs.study.excite.design import Specimen, bearing_specimen, force_sp
 from anhyst_rigs.study.tracking.online_calibration import BearingCalibrator, StageCalibrator
 
 _GAP_TOLERANCE = 1e-6
-"""Of the range: so far may the ends of the measured gaps be inside those of a board."""
+"""Permitted distance of the measured gaps from the gap limits of a board, relative to its gap
+range."""
 
 
 @dataclass(frozen=True)
 class PreparedBearing:
     """A bearing, its controller, and the firmware."""
 
-    setup: BearingSetup  # what runs, in fixed point
-    model: Model  # what it was compiled from
-    firmware: Path  # for the board ``host``; needed until the bench is open
+    setup: BearingSetup  # the running setup, in fixed point
+    model: Model  # model from which it was compiled
+    firmware: Path  # for the board ``library``; needed until the bench is open
 
     @property
     def rig(self) -> Path:
-        """The rig file."""
+        """The path of the rig file."""
         return self.setup.rig.path
 
     @property
     def has_single_magnet(self) -> bool:
-        """Whether one magnet pulls."""
+        """Whether the bearing has one magnet."""
         return len(self.setup.rig.settings.body_magnets) == 1
 
     @property
@@ -60,29 +61,29 @@ class PreparedBearing:
         return self.setup.rig.measured_loops.read()
 
     def with_firmware(self, firmware: Path) -> PreparedBearing:
-        """Return the same with a firmware that lies elsewhere."""
+        """Return a copy with the firmware at another path."""
         return replace(self, firmware=firmware)
 
     def open(self) -> BearingBench:
-        """Switch on; at rest, before its first tick. To be closed."""
+        """Return the opened bench, at rest before its first tick. The caller must close it."""
         return BearingBench(self.setup, self.firmware)
 
     @property
     def improvable(self) -> PreparedBearing:
-        """What a better model can be found for: itself."""
+        """The object whose model can be improved: itself."""
         return self
 
     def open_with_learner(self) -> tuple[BearingBench, BearingCalibrator]:
-        """Switch on, with what calibrates the bearing from its motions."""
+        """Return the opened bench, and the online calibration from its motions."""
         bench, known = self.open(), IdentifiedMagnet(self.measured_loops, self.model)
         return bench, BearingCalibrator(self.setup, known, self.compile_words, bench)
 
     def specimen(self) -> Specimen:
-        """Return the magnet as it is measured, armature held."""
+        """Return the magnet for a measurement with the armature held."""
         return bearing_specimen(self.setup.rig)
 
     def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
-        """Identify a model from loops, as the rig file wants it."""
+        """Identify a model from loops with the options of the rig file."""
         return identify_loops(loops, self.setup.rig.settings.loops, "circuit", progress)
 
     def compile(self, model: Model) -> Plan:
@@ -112,7 +113,7 @@ class PreparedBearing:
         return make_plan(narrowed, request, 0, scales=scales)
 
     def compile_words(self, model: Model) -> list[int]:
-        """Compile another model to a block for the running board."""
+        """Compile another model to a parameter block for the running board."""
         return [int(word) for word in fixed_point_block(self.compile(model)).words]
 
 
@@ -120,22 +121,22 @@ class PreparedBearing:
 class ForceRig:
     """An actuator whose force is controlled."""
 
-    complete_rig: ForceControlRig  # its magnet is whole
-    measured_loops: Loops  # that the rig file names
+    complete_rig: ForceControlRig  # with a complete magnet
+    measured_loops: Loops  # loops of the rig file
 
     has_single_magnet: ClassVar[bool] = True
 
     @property
     def rig(self) -> Path:
-        """The rig file."""
+        """The path of the rig file."""
         return self.complete_rig.path
 
     def specimen(self) -> Specimen:
-        """Return the actuator as it is measured, armature held."""
+        """Return the actuator for a measurement with the armature held."""
         return force_specimen(self.complete_rig)
 
     def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
-        """Identify a model from loops, as the rig file wants it."""
+        """Identify a model from loops with the options of the rig file."""
         return identify_force_model(self.complete_rig, loops, progress)
 
 
@@ -143,24 +144,24 @@ class ForceRig:
 class PreparedForce(ForceRig):
     """An actuator, and the firmware that controls its force."""
 
-    program: Program  # model, block and firmware; this is needed until the bench is open
+    program: Program  # model, block and firmware; the firmware is needed until the bench is open
 
     @property
     def model(self) -> Model:
-        """What runs was compiled from it."""
+        """The model from which the program was compiled."""
         return self.program.model
 
     @property
     def firmware(self) -> Path:
-        """For the board ``host``."""
+        """The firmware for the board ``library``."""
         return self.program.firmware
 
     def with_firmware(self, firmware: Path) -> PreparedForce:
-        """Return the same with a firmware that lies elsewhere."""
+        """Return a copy with the firmware at another path."""
         return replace(self, program=replace(self.program, firmware=firmware))
 
     def open(self) -> ForceBench:
-        """Switch on; at rest, before its first tick. To be closed."""
+        """Return the opened bench, at rest before its first tick. The caller must close it."""
         bench = ForceBench(self.complete_rig, self.program)
         settings = self.complete_rig.settings.force
         ratio = fit_ratio(loops_at_gap(self.measured_loops, settings.end_m), settings.force_max_N)
@@ -169,11 +170,11 @@ class PreparedForce(ForceRig):
 
     @property
     def improvable(self) -> PreparedForce:
-        """What a better model can be found for: itself."""
+        """The object whose model can be improved: itself."""
         return self
 
     def open_with_learner(self) -> tuple[ForceBench, None]:
-        """Switch on; motion teaches nothing of a held armature."""
+        """Return the opened bench; the motion of a held armature contains no information."""
         return self.open(), None
 
     def compile(self, model: Model) -> Plan:
@@ -187,12 +188,12 @@ class PreparedForce(ForceRig):
 
 @dataclass(frozen=True)
 class PreparedBoard(ForceRig):
-    """An actuator before a controller that runs by itself, and what that was compiled to."""
+    """An actuator with a controller that runs by itself, and the data of its compilation."""
 
-    model: Model  # what the controller was compiled from
+    model: Model  # model from which the controller was compiled
     request: CompileRequest
     scales: Scales
-    limits: DemandLimits  # of the controller
+    limits: DemandLimits  # limits of the controller
 
     def compile(self, model: Model) -> Plan:
         """Compile another model for the running board."""
@@ -210,28 +211,28 @@ class PreparedBoard(ForceRig):
 
 @dataclass(frozen=True)
 class PreparedStage:
-    """A stage, what is known of its magnets, and what its set-point is followed with."""
+    """A stage, its identified magnets, and its setups with their gains."""
 
     magnet: IdentifiedMagnet
-    setups: tuple[StageSetup, ...]  # without memory, and the compensator
-    gains: tuple[Feedforward, ...]  # that were found with each
+    setups: tuple[StageSetup, ...]  # single-valued and with the compensator
+    gains: tuple[Feedforward, ...]  # feedforward gains of each setup
 
     firmware = None
     improvable = None
 
     def open(self) -> StageBench:
-        """Switch on; at rest, before its first tick. To be closed."""
+        """Return the opened bench, at rest before its first tick. The caller must close it."""
         return StageBench(self.setups, self.gains)
 
     def open_with_learner(self) -> tuple[StageBench, StageCalibrator]:
-        """Switch on, with what calibrates the stage from its motions."""
+        """Return the opened bench, and the online calibration from its motions."""
         bench = self.open()
         return bench, StageCalibrator(self.magnet, bench)
 
 
 @dataclass(frozen=True)
 class PreparedPiezo:
-    """A piezo stage, and what makes voltages of displacements: without memory, and the compensator."""
+    """A piezo stage, and its inverses: single-valued and with hysteresis."""
 
     rig: PiezoRig
     inverses: tuple[ForceController, ForceController]
@@ -240,19 +241,19 @@ class PreparedPiezo:
     improvable = None
 
     def open(self) -> PiezoBench:
-        """Switch on; at rest, before its first tick. To be closed."""
+        """Return the opened bench, at rest before its first tick. The caller must close it."""
         return PiezoBench(self.rig, self.inverses)
 
     def open_with_learner(self) -> tuple[PiezoBench, None]:
-        """Switch on; a piezo stage has no magnets whose errors motion would teach."""
+        """Return the opened bench; a piezo stage has no magnets to calibrate."""
         return self.open(), None
 
 
 Prepared = PreparedBearing | PreparedForce | PreparedStage | PreparedPiezo
-"""What a virtual bench is opened from."""
+"""All data from which a virtual bench can be opened."""
 
 Improvable = PreparedBearing | PreparedForce | PreparedBoard
-"""What a better model can be found for."""
+"""All objects whose model can be improved."""
 
 
 def fixed_point_block(plan: Plan) -> Block:
@@ -262,7 +263,7 @@ def fixed_point_block(plan: Plan) -> Block:
 
 
 def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
-    """Return what a board follows of a model: layers where it has memories for them."""
+    """Return the part of a model that a board can follow: layers only if it has states for them."""
     if kind != "full" or running.layers is None or not running.has_layers:
         return model.at_rest
     if not model.has_layers:
@@ -286,7 +287,7 @@ def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
 def _make_force_plan(
     model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits
 ) -> Plan:
-    """Plan a model of a force for what a board works with."""
+    """Plan a force model for the signals and limits of a board."""
     valid = ValidRange(
         _intersect_ranges(model.valid_range.input, limits.current),
         _intersect_ranges(model.valid_range.output, limits.demand),
@@ -300,7 +301,7 @@ def _intersect_ranges(seen: tuple[float, float], board: tuple[float, float]) -> 
 
 
 def _covered_gaps(model: Model, scales: Scales) -> tuple[float, float] | None:
-    """Return the gaps of a board, which the model must have been identified over."""
+    """Return the gap range of a board, after a check that the model covers it."""
     if not model.needs_schedule:
         return None if model.valid is None else model.valid.schedule
     low, high = scales.gap_low, scales.gap_high

@@ -1,4 +1,4 @@
-"""The slope of the output just after a reversal, which tells how much of the iron is reversible."""
+"""Estimate the reversible part of the iron from the slope of the output just after a reversal."""
 
 from __future__ import annotations
 
@@ -13,27 +13,28 @@ from anhyst.data.verdict import loop_width_and_height
 from anhyst.support.numeric import FloatArray
 
 _REACH_WIDTHS = 0.5
-"""Widths of the loop after a reversal that count as just after it."""
+"""Largest distance from a reversal that counts as just after it, in loop widths."""
 _OUTPUT_RANGE = (0.25, 0.9)
-"""Outputs, in parts of the largest, between which reversals count: not where hardly anything
-answers, nor in saturation."""
+"""Outputs, relative to the largest, between which reversals are used. Below, the iron barely
+responds; above, it is saturated."""
 _SLOPE_SPAN = 0.1
-"""Share of the range, to either side, over which the slope without memory is taken."""
+"""Half-width of the fit of the static slope, relative to the range."""
 _TIP_SAMPLES = 4
-"""Samples that show where a branch ended."""
+"""Number of samples from which the end of a branch is extrapolated."""
 _REVERSAL_BINS = 400
 _MIN_SAMPLES = 8
-"""Samples from which something is estimated."""
+"""Minimum number of samples for an estimate."""
 _MAX_STANDARD_ERROR = 0.05
-"""Standard error above which nothing is estimated."""
+"""Standard error above which no estimate is returned."""
 
 
 def reversal_slope_ratio(loopset: Loops) -> float | None:
-    """Slope of the output just after a rising input was turned back, in parts of the static slope.
+    """Return the slope of the output just after a maximum of the input over the static slope.
 
-    Without hysteresis it is one; an iron that is all pinned does not answer at all at first. The
-    static slope is that of all branches together around the same input. Reversals of all loops are
-    taken together, by least squares. A falling input that is turned leaves more of the slope.
+    Without hysteresis the ratio is 1; an iron with complete pinning has ratio 0. The static slope
+    is that of all branches together near the same input. The reversals of all loops give one
+    estimate by least squares. None if it is too uncertain. Reversals at a minimum have a larger
+    ratio and are not used.
     """
     even = is_even(loopset)
     reach = _REACH_WIDTHS * max(loop_width_and_height(loop, even=even)[0] for loop in loopset.loops)
@@ -61,14 +62,14 @@ def _local_slope(size: FloatArray, answer: FloatArray, at: float) -> float:
     near = np.abs(size - at) <= _SLOPE_SPAN * float(np.ptp(size))
     if np.count_nonzero(near) < _MIN_SAMPLES:
         return 0.0
-    # A parabola, so that the bend of the curve does not tilt its slope.
+    # A parabola, so that the curvature does not bias the slope.
     return float(np.polynomial.Polynomial.fit(size[near] - at, answer[near], 2).deriv()(0.0))
 
 
 def _changes_after_reversal(
     size: FloatArray, answer: FloatArray, before: Branch, after: Branch, reach: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how far input and output went back just after a reversal, sample by sample."""
+    """Return the changes of input and output just after a reversal, sample by sample."""
     tip = after.start
     rows = slice(max(before.start, tip + 1 - _TIP_SAMPLES), tip + 1)
     line = np.polynomial.Polynomial.fit(np.arange(rows.stop - rows.start), answer[rows], 1)
