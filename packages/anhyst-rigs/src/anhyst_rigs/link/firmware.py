@@ -1,4 +1,4 @@
-"""The firmware of a board, built from its sources and a compiled compensator."""
+"""Build the firmware of a board from its sources and a compiled compensator."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ _COMPILE_TIME_LIMIT_S = 300.0
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """What is particular to a board."""
+    """The properties of a board."""
 
     folders: tuple[str, ...]  # folders of ``firmware/boards`` with its sources
-    cpu: str = ""  # processor as zig calls it; empty for the PC at hand
-    # header with the processor's own instructions, of a compiled folder's ``port``
+    cpu: str = ""  # processor name of zig; empty for this PC
+    # header with instructions of the processor, from the folder ``port`` of a compiled folder
     port_header: str = ""
-    options: tuple[str, ...] = ()  # of the compiler, besides
+    options: tuple[str, ...] = ()  # further compiler options
 
 
 BOARDS = {
@@ -66,17 +66,17 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
 
 
 def check_compiler(board: str) -> None:
-    """Check that the compiler for a board is there."""
+    """Check that the compiler for a board is installed."""
     _compiler_command(board)
 
 
 def firmware_folder() -> Path:
-    """Return the folder with the sources of the firmware."""
+    """Return the folder of the firmware sources."""
     return shipped_folder("anhyst_rigs", "firmware", "_firmware", "boards")
 
 
 def _read_actuator_name(folder: Path) -> str:
-    """Return a folder's name of its actuator in C; refuse a rate that no clock of a board divides."""
+    """Return the C name of the actuator of a compiled folder; refuses a fractional tick rate."""
     require_kind(folder, [COMPILED_FOLDER])
     path = folder / _MANIFEST
     try:
@@ -105,7 +105,7 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
     if body == "position":
         sources.append(folder / f"{actuator}_controller.c")
     else:
-        # A compensator alone needs no states; the firmware around it does.
+        # A compensator without controller has no states, but the firmware has.
         sources.append(core_folder() / "src" / "control" / "supervisor.c")
     include.append(core_folder() / "include")
     for part in ("app", "link", "services", "xcp", body):

@@ -1,8 +1,8 @@
-"""XCP for a controller: a master of the slave of its firmware, and a port for the masters of others.
+"""Provide XCP for a controller: a master for its firmware, and a bridge for other masters.
 
-The master knows what ``firmware/xcp`` says and no more: one list of samples with one packet a sample,
-addresses of :mod:`anhyst.support.xcp_map`; commands and their answers, samples beside them. For a
-controller that carries XCP in the frames of its own link, a port of this machine passes it on.
+The master supports exactly the functions of ``firmware/xcp``: one list of samples with one packet
+per sample, and the addresses of :mod:`anhyst.support.xcp_map`. The bridge is a local port for a
+controller that carries XCP in the frames of its own link.
 """
 
 from __future__ import annotations
@@ -35,24 +35,24 @@ _MIN_SERVICE_PID = 0xFC
 _SYNCH, _SYNCH_ANSWER = b"\xfc", b"\xfe\x00"
 _POLL_S = 0.05
 _RESET_SILENCE_S = 0.12
-"""After it a controller forgets what was left half said, s."""
+"""Time without bytes after which a controller discards an incomplete packet, s."""
 
 _BATCH_S = 0.001
-"""What comes within it is taken at once: to wake up costs more than to read, s."""
+"""Pause between two reads, s. Packets that arrive in it are read together, which saves wake-ups."""
 
 _ANSWER_TIMEOUT_S = 1.0
-"""For an answer on a serial port, where one may get lost, s."""
+"""Time limit of an answer on a serial port, which can lose it, s."""
 
 _MAX_WAITING_SAMPLES = 1 << 19
-"""Samples that wait to be taken; more, and the oldest are lost."""
+"""Maximum number of waiting samples. Beyond it, the oldest are lost."""
 
 
 class AnswerLostError(InputError):
-    """A serial port lost an answer; the line is in step again."""
+    """An answer was lost and the line is synchronised; the command may have been executed."""
 
 
 class XcpLine:
-    """An open line. One command at a time; a thread of its own takes what comes."""
+    """An open XCP line. It sends one command at a time, and a thread receives all packets."""
 
     def __init__(self, url: str, timeout: float) -> None:
         self.url = url
@@ -72,7 +72,7 @@ class XcpLine:
         self._reader.start()
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the line."""
         self._closed.set()
         self._reader.join()
         self._port.close()
@@ -83,7 +83,7 @@ class XcpLine:
             self._port.write(frame_packet(command, serial=self.serial))
             answer = self._next_answer()
             if answer is None and self.serial and not self._closed.is_set():
-                self._synchronise()  # a late answer would be taken for that to the next command
+                self._synchronise()  # a late answer would be assigned to the next command
                 raise AnswerLostError(
                     f"{self.url}: an answer was lost; see whether the command was done",
                     code="answer-lost",
@@ -94,7 +94,7 @@ class XcpLine:
             return answer
 
     def take_samples(self) -> bytes:
-        """Return the samples that came, one behind the other; waits for the first."""
+        """Return all received samples, concatenated; waits for the first."""
         with self._arrival:
             self._arrival.wait_for(lambda: self._samples or self._closed.is_set(), self.timeout)
             if not self._samples and self._closed.is_set():
@@ -107,7 +107,7 @@ class XcpLine:
         return packets
 
     def make_lost_error(self) -> InputError:
-        """Return the error of a controller that hung up or does not answer."""
+        """Return the error of a controller that closed the line or does not answer."""
         return InputError(
             f"{self.url}: the controller is gone; see its power and the line", code="port-gone"
         )
@@ -122,7 +122,7 @@ class XcpLine:
         return None
 
     def _synchronise(self) -> None:
-        """Be in step again with a controller one of whose answers was lost."""
+        """Synchronise with the controller after a lost answer."""
         for _ in range(3):
             self._port.write(frame_packet(_SYNCH, serial=self.serial))
             while (answer := self._next_answer()) is not None:
@@ -143,7 +143,7 @@ class XcpLine:
                 self._dispatch(arrived.packets)
                 time.sleep(_BATCH_S)
         except InputError:
-            pass  # whoever waits learns of it below
+            pass  # waiting callers are notified below
         with self._arrival:
             self._closed.set()
             self._arrival.notify_all()
@@ -165,24 +165,24 @@ _CONNECT, _DISCONNECT, _STATUS, _ID, _SEED, _UNLOCK = 0xFF, 0xFE, 0xFD, 0xFA, 0x
 _ADDRESS, _UPLOAD, _SHORT_UPLOAD, _DOWNLOAD = 0xF6, 0xF5, 0xF4, 0xF0
 _CLOCK, _RESOLUTION, _SET_PAGE = 0xDC, 0xD9, 0xEB
 _CONTROLLER_PAGE, _MASTER_PAGE = 0x01, 0x02
-"""For whom a page is chosen: the controller, its master."""
+"""Whose calibration page is selected: that of the controller, or that of the master."""
 
 _MAX_PACKET_WORDS = 67
-"""Of the parameter block in a packet."""
+"""Maximum number of block words in a packet."""
 
 _ANSWER_PID, _ERROR_PID = 0xFF, 0xFE
 _TIMESTAMP_MODE = 0x10
 _MAX_ATTEMPTS = 3
-"""Times that a question is asked whose answer a serial port loses."""
+"""Number of attempts of a query whose answer a serial port loses."""
 
 _MAX_CLOCK_READS = 1000
-"""Questions for the time until a tick must have passed."""
+"""Number of clock reads within which a tick must pass."""
 
 _MAX_SAMPLE_BYTES_PER_S = 0.8 * BAUD / 10.0
-"""Of the bytes a second of a serial port, those that samples may take."""
+"""Part of the data rate of a serial port that samples may use."""
 
 _SAMPLE_OVERHEAD_BYTES = 12
-"""Of a sample on a serial port, beside its signals: head, list, time stamp, checksum."""
+"""Bytes of a sample on a serial port without its signals: head, list, time stamp, checksum."""
 
 _INPUT_ADDRESSES = {value.name: AREA_ADDRESSES["input"] + 4 * n for n, value in enumerate(INPUTS)}
 _STATE_ADDRESS = AREA_ADDRESSES["signal"] + 4 * [value.name for value in SIGNALS].index("state")
@@ -193,8 +193,8 @@ Samples = NDArray[np.int64]
 class XcpMaster:
     """A controller that is measured and operated over XCP.
 
-    Connects, shows the key and samples all signals of every tick from then on, or of as many ticks
-    as a serial port carries.
+    The constructor connects, sends the key, and samples all signals from then on: in every tick, or
+    in as many ticks as a serial port can carry.
     """
 
     def __init__(self, url: str, timeout: float = 2.0) -> None:
@@ -227,27 +227,27 @@ class XcpMaster:
         self._start_sampling()
 
     def close(self) -> None:
-        """Hang up. A controller that drives current goes to its safe state by itself."""
+        """Disconnect. A controller that drives current then enters its safe state."""
         with suppress(InputError):
-            self._send(bytes((_DISCONNECT,)))  # a serial line has no end by itself
+            self._send(bytes((_DISCONNECT,)))  # the end of a serial line is not detected otherwise
         self._line.close()
 
     def send_heartbeat(self) -> None:
-        """Say that the operator is there."""
+        """Send a heartbeat of the operator."""
         self._query(bytes((_STATUS,)))
 
     def read(self, address: int, count: int) -> bytes:
-        """Return some bytes, at most 135."""
+        """Return `count` bytes from an address, at most 135."""
         return self._query(struct.pack("<BBBBI", _SHORT_UPLOAD, count, 0, 0, address))[1:]
 
     def read_words(self, first: int, count: int) -> list[int]:
-        """Return words of the parameter block in force, at most 67."""
+        """Return words of the active parameter block, at most 67."""
         return list(
             struct.unpack(f"<{count}h", self.read(AREA_ADDRESSES["block"] + 2 * first, 2 * count))
         )
 
     def read_block(self) -> list[int]:
-        """Return the parameter block in force."""
+        """Return the active parameter block."""
         (length,) = self.read_words(LENGTH_INDEX, 1)
         words: list[int] = []
         while len(words) < length:
@@ -255,7 +255,7 @@ class XcpMaster:
         return words
 
     def swap_block(self, words: Sequence[int]) -> None:
-        """Download another parameter block and put it in force between two ticks."""
+        """Download another parameter block and activate it between two ticks."""
         row = [int(word) for word in words]
         with self._line.lock:
             self._send(bytes((_SET_PAGE, _MASTER_PAGE, 0, 1)))
@@ -272,11 +272,11 @@ class XcpMaster:
                 self._send(bytes((_SET_PAGE, _MASTER_PAGE, 0, 0)))
 
     def read_setting(self, setting: Setting) -> int:
-        """Ask for a setting."""
+        """Return the value of a setting."""
         return self._read_value(AREA_ADDRESSES["setting"] + 4 * setting)
 
     def write_setting(self, setting: Setting, value: int) -> int:
-        """Set a setting from the next tick on."""
+        """Write a setting from the next tick on."""
         self._write_value(
             AREA_ADDRESSES["setting"] + 4 * setting,
             value,
@@ -285,7 +285,7 @@ class XcpMaster:
         return value
 
     def command(self, command: Command) -> State:
-        """Change the state of the controller; returns the one it is in at the next tick."""
+        """Change the state of the controller; returns the state at the next tick."""
         with self._line.lock:
             self._write_value(
                 _INPUT_ADDRESSES["command"], int(command), frames.CommandRequest(command)
@@ -297,19 +297,19 @@ class XcpMaster:
         raise InputError(f"{self.url}: no tick passes; the controller stands", code="no-tick")
 
     def write_demand(self, code: int) -> None:
-        """Demand a force, or a position, q31 of full scale."""
+        """Demand a force or a position, q31 of full scale."""
         request = (
             frames.DemandRequest(code) if self.body is Body.FORCE else frames.TargetRequest(code)
         )
         self._write_value(self._demand_address, code, request)
 
     def read_demand(self) -> int:
-        """Return the force or the position demanded last, q31 of full scale."""
+        """Return the last demanded force or position, q31 of full scale."""
         return self._read_value(self._demand_address)
 
     @property
     def _demand_address(self) -> int:
-        """Address of the force or position that is demanded."""
+        """Address of the demanded force or position."""
         return _INPUT_ADDRESSES["set_demand" if self.body is Body.FORCE else "set_target"]
 
     def read_clock(self) -> int:
@@ -317,14 +317,14 @@ class XcpMaster:
         return int.from_bytes(self._query(bytes((_CLOCK,)))[4:8], "little")
 
     def take_samples(self, tick: int) -> Samples:
-        """Wait for the last sample up to a tick, and return all that came."""
+        """Wait for the last sample up to a tick, and return all received samples."""
         rows = np.empty((0, 1 + len(self.signals)), dtype=np.int64)
         while not len(rows) or rows[-1, 0] + self.tick_interval <= tick:
             rows = np.concatenate((rows, self._decode(self._line.take_samples())))
         return rows
 
     def _decode(self, packets: bytes) -> Samples:
-        """Return samples; their stamps count on from the last one, since 32 bits begin again."""
+        """Return decoded samples; the ticks continue beyond the 32 bits of the time stamps."""
         form = [("head", "<u2"), ("tick", "<u4"), ("values", "<i4", len(self.signals))]
         samples = np.frombuffer(packets, dtype=form)
         stamps = samples["tick"].astype(np.int64)
@@ -334,12 +334,12 @@ class XcpMaster:
         return np.column_stack((ticks, samples["values"].astype(np.int64)))
 
     def _read_rate(self) -> float:
-        """Return the ticks a second, as exact as the period of a time stamp is said."""
+        """Return the ticks per second, with the resolution of the time stamp period."""
         mode, count = struct.unpack("<BH", self._query(bytes((_RESOLUTION,)))[5:8])
         return 1e9 / float(count * 10 ** (mode >> 4))
 
     def _start_sampling(self) -> None:
-        """Sample from the next tick on."""
+        """Sample all signals from the next tick on."""
         numbers = [n for n, signal in enumerate(SIGNALS) if signal.name in self.signals]
         count = len(numbers)
         commands = [b"\xd6", b"\xd5\0\1\0", b"\xd4\0\0\0\1", bytes((0xD3, 0, 0, 0, 0, count))]
@@ -359,7 +359,7 @@ class XcpMaster:
         return int.from_bytes(self.read(address, 4), "little", signed=True)
 
     def _write_value(self, address: int, value: int, request: Message) -> None:
-        """Write four bytes; `request` is what the own link would call it."""
+        """Write four bytes; `request` is the equivalent request of the link, for error messages."""
         self._download(address, struct.pack("<i", value), request)
 
     def _download(self, address: int, data: bytes, request: Message) -> None:
@@ -368,7 +368,7 @@ class XcpMaster:
             self._send_checked(bytes((_DOWNLOAD, len(data))) + data, request)
 
     def _send_checked(self, command: bytes, request: Message) -> None:
-        """Let something be done, or say why the firmware refuses."""
+        """Send a command with side effects; raises RequestRefusedError if it is refused."""
         with self._line.lock:
             answer = self._line.send_command(command)
             if answer[0] == _ERROR_PID and len(answer) >= 4:
@@ -381,7 +381,7 @@ class XcpMaster:
         return self._check_answer(self._line.send_command(command), command[0])
 
     def _query(self, command: bytes) -> bytes:
-        """Ask what changes nothing, and again where the answer is lost."""
+        """Send a command without side effects, and repeat it if the answer is lost."""
         for _ in range(_MAX_ATTEMPTS - 1 if self._line.serial else 0):
             with suppress(AnswerLostError):
                 return self._send(command)
@@ -398,17 +398,17 @@ class XcpMaster:
 
 
 _POLL_INTERVAL_S = 0.002
-"""Between two questions for samples while none come, s."""
+"""Interval of requests for samples while none arrive, s."""
 
 _MASTER_TIMEOUT_S = 5.0
-"""How long a master may take no byte, s."""
+"""Longest time without a byte accepted by a master, s."""
 
 
 class XcpBridge:
-    """A port of this machine on which a master of XCP reaches the controller behind a link.
+    """A local port on which an XCP master reaches the controller behind a link.
 
-    One master at a time. What it sends goes to the controller as it is, so that every rule of the
-    firmware holds: its key, its limits, its heartbeat, which this does not keep for it.
+    It serves one master at a time. Commands are forwarded unchanged, so that all rules of the
+    firmware apply: key, limits and heartbeat. The bridge sends no heartbeat of its own.
     """
 
     def __init__(self, controller: ControllerLink, port: int) -> None:
@@ -422,11 +422,11 @@ class XcpBridge:
         self.port = int(self._listener.getsockname()[1])
 
     def close(self) -> None:
-        """Listen no more."""
+        """Close the listening port."""
         self._listener.close()
 
     def serve_one(self) -> None:
-        """Wait for a master and serve it until it is gone."""
+        """Wait for a master and serve it until it disconnects."""
         master, _ = self._listener.accept()
         with master:
             master.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -434,7 +434,7 @@ class XcpBridge:
             try:
                 self._serve(master)
             except OSError:
-                pass  # it hung up, or takes nothing any more
+                pass  # the master disconnected or stopped reading
             finally:
                 self._disconnect()
 
@@ -460,7 +460,7 @@ class XcpBridge:
                 counter += len(packets)
 
     def _forward(self, command: bytes) -> list[bytes]:
-        """Return the packets that the slave answers to a command, or to nothing."""
+        """Return the packets with which the slave answers a command, or an empty command."""
         answer = self._controller.request(
             frames.XcpRequest(tuple(command)), frames.XcpPacketsAnswer
         )
@@ -472,7 +472,7 @@ class XcpBridge:
         return packets
 
     def _disconnect(self) -> None:
-        """Let no master find what another left behind: its key, its samples."""
+        """Disconnect the slave, so that the next master finds neither key nor samples of the last."""
         try:
             self._forward(bytes((_DISCONNECT,)))
             while self._forward(b""):
