@@ -130,10 +130,10 @@ class ControllerLink:
             raise InputError(
                 f"window {window}: choose 1 to {MAX_WINDOW}", code="out-of-range", key="window"
             )
-        flow, source = _DemandFlow(self), iter(forces)
+        flow, remaining = _DemandFlow(self), iter(forces)
         with self._lock:
             while True:
-                flow.send(islice(source, window - len(flow.waiting)))
+                flow.send(islice(remaining, window - len(flow.waiting)))
                 if not flow.waiting:
                     return
                 flow.receive()
@@ -153,25 +153,31 @@ class ControllerLink:
 
     def write_block(self, words: Sequence[int]) -> int:
         """Send a parameter block and activate it between two ticks; returns the active generation."""
-        row = [int(word) for word in words]
-        if len(row) <= GENERATION_INDEX:
-            text = f"a block of {len(row)} words: is too short; send a whole one"
+        block_words = [int(word) for word in words]
+        if len(block_words) <= GENERATION_INDEX:
+            text = f"a block of {len(block_words)} words: is too short; send a whole one"
             raise InputError(text, code="block-too-short")
-        generation = row[GENERATION_INDEX] & 0xFFFF
+        generation = block_words[GENERATION_INDEX] & 0xFFFF
         with self._lock:
-            begin = frames.BlockBeginRequest(len(row), generation, checksum(row))
-            self.request(begin, frames.AckAnswer)
-            for at in range(0, len(row), _MAX_FRAME_WORDS):
-                data = frames.BlockDataRequest(at, tuple(row[at : at + _MAX_FRAME_WORDS]))
+            announcement = frames.BlockBeginRequest(
+                len(block_words), generation, checksum(block_words)
+            )
+            self.request(announcement, frames.AckAnswer)
+            for offset in range(0, len(block_words), _MAX_FRAME_WORDS):
+                data = frames.BlockDataRequest(
+                    offset, tuple(block_words[offset : offset + _MAX_FRAME_WORDS])
+                )
                 self.request(data, frames.AckAnswer)
             try:
                 return self.request(frames.BlockSwapRequest(generation), frames.AckAnswer).detail
-            except RequestRefusedError as refused:
-                if refused.reason is Reason.SCALE:
-                    in_force: list[int] = []
+            except RequestRefusedError as error:
+                if error.reason is Reason.SCALE:
+                    active_words: list[int] = []
                     with suppress(RequestRefusedError):  # no active block
-                        in_force = self.read_block()
-                    refused.args = (f"{self.url}: {describe_scale_mismatch(row, in_force)}",)
+                        active_words = self.read_block()
+                    error.args = (
+                        f"{self.url}: {describe_scale_mismatch(block_words, active_words)}",
+                    )
                 raise
 
     def keep_block(self) -> int:
@@ -205,13 +211,13 @@ class ControllerLink:
     def _exchange(self, request: Message) -> tuple[Message, int]:
         """Send a request until it is answered; returns the answer and its tick."""
         sequence = self.next_sequence()
-        wire = encode(request, sequence)
+        frame_bytes = encode(request, sequence)
         for attempt in range(self.attempts):
             self.repeated_count += attempt > 0
-            self._port.write(wire)
-            end = time.monotonic() + self.timeout
-            while (left := end - time.monotonic()) > 0.0:
-                for frame in self.receive(left):
+            self._port.write(frame_bytes)
+            deadline = time.monotonic() + self.timeout
+            while (remaining_s := deadline - time.monotonic()) > 0.0:
+                for frame in self.receive(remaining_s):
                     if frame.sequence == sequence:
                         answer = self.read_answer(frame)
                         if _is_answer_to(answer, request):
@@ -328,10 +334,10 @@ class _DemandFlow:
 
     def send(self, forces: Iterable[int]) -> None:
         """Send demands in one write."""
-        fresh = [self._make_demand(force) for force in forces]
-        if fresh:
-            self.waiting.extend(fresh)
-            self._send_demands(fresh)
+        new_demands = [self._make_demand(force) for force in forces]
+        if new_demands:
+            self.waiting.extend(new_demands)
+            self._send_demands(new_demands)
 
     def _make_demand(self, force: int) -> _SentDemand:
         sequence = self.controller.next_sequence()
@@ -345,9 +351,9 @@ class _DemandFlow:
         """Process the answers that arrive; repeat lost demands."""
         if len(self.waiting) > 1:
             time.sleep(_READ_PAUSE_S)
-        arrived = self.controller.receive(max(self._deadline - time.monotonic(), 0.0))
+        answers = self.controller.receive(max(self._deadline - time.monotonic(), 0.0))
         by_number = {demand.sequence: demand for demand in self.waiting}
-        for frame in arrived:
+        for frame in answers:
             demand = by_number.get(frame.sequence)
             if (
                 demand is not None
@@ -386,12 +392,12 @@ class _DemandFlow:
 
     def _renumber_from(self, first: _SentDemand) -> None:
         """Send a demand and all later ones with new numbers, because newer ones had overtaken it."""
-        kept = list(self.waiting)
-        at = kept.index(first)
-        again = [self._make_demand(demand.force) for demand in kept[at:]]
-        self.controller.repeated_count += len(again)
-        self.waiting = deque(kept[:at] + again)
-        self._send_demands(again)
+        demands = list(self.waiting)
+        index = demands.index(first)
+        renumbered = [self._make_demand(demand.force) for demand in demands[index:]]
+        self.controller.repeated_count += len(renumbered)
+        self.waiting = deque(demands[:index] + renumbered)
+        self._send_demands(renumbered)
 
     def take_answered(self) -> Iterator[Status]:
         """Remove and yield the available statuses, in order."""

@@ -46,11 +46,11 @@ class WalkingPlant:
         self.drives.append(round(current * Q31_ONE))
         self._current, self._next_current = self._next_current, current
         gap = 0.5 + 0.3 * math.sin(tick * 2.0 * math.pi / 5000.0)
-        gap, force, flows = (
+        gap, force, current_reading = (
             value + self._random.gauss(0.0, SENSOR_NOISE)
             for value in (gap, 0.5 * self._current, self._current)
         )
-        return Reading(gap, force, flows)
+        return Reading(gap, force, current_reading)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,17 +74,21 @@ class FirmwareTarget:
 
     def verify(self, bundle: Bundle, folder: Path, steps: int, seed: int) -> TargetResult:
         """Run both firmwares with the same demands and readings, and compare every tick."""
-        began = time.monotonic()
-        head = (TARGET, "firmware", "mps2-an385 in QEMU", "zig cc -Os")
+        start_s = time.monotonic()
+        identification = (TARGET, "firmware", "mps2-an385 in QEMU", "zig cc -Os")
         try:
             host, board = (
                 _run(runner, build(name, bundle.folder, folder / f"firmware-{name}"), steps, seed)
                 for name, runner in (("host", run_host), ("qemu-mps2", run_qemu))
             )
         except (InputError, NegativeResult) as error:
-            return TargetResult(*head, 0, 0, failure=f"target {TARGET}: {error}")
+            return TargetResult(*identification, 0, 0, failure=f"target {TARGET}: {error}")
         return TargetResult(
-            *head, steps, 0, difference=compare_runs(host, board), seconds=time.monotonic() - began
+            *identification,
+            steps,
+            0,
+            difference=compare_runs(host, board),
+            seconds=time.monotonic() - start_s,
         )
 
 

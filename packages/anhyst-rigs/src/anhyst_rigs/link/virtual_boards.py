@@ -65,16 +65,16 @@ def exchange_over_socket(connection: socket.socket, timeout_s: float = 10.0) -> 
     """Return a function that exchanges records with a process over a socket."""
     # The operating system handles the time limit, because an emulated board sends single bytes.
     connection.settimeout(None)
-    wait = struct.pack("@ll", int(timeout_s), int(timeout_s % 1.0 * 1e6))
+    time_limit = struct.pack("@ll", int(timeout_s), int(timeout_s % 1.0 * 1e6))
     for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
-        connection.setsockopt(socket.SOL_SOCKET, option, wait)
+        connection.setsockopt(socket.SOL_SOCKET, option, time_limit)
 
     def exchange(sample: PlantSample) -> PlantDrive:
         connection.sendall(sample.pack())
-        data = connection.recv(_DRIVE_BYTES, socket.MSG_WAITALL)
-        if not data:
+        record = connection.recv(_DRIVE_BYTES, socket.MSG_WAITALL)
+        if not record:
             raise ConnectionError("it hung up")
-        return PlantDrive.unpack(data)
+        return PlantDrive.unpack(record)
 
     return exchange
 
@@ -133,7 +133,10 @@ def _encode(tick: int, reading: Reading) -> PlantSample:
         force=_to_code(reading.force, Q30),
         position=_to_code(reading.position, Q31),
         status=reading.status,
-        **{name: _to_code(one, Q30) for name, one in zip(_CURRENT_FIELDS, currents, strict=False)},
+        **{
+            name: _to_code(current, Q30)
+            for name, current in zip(_CURRENT_FIELDS, currents, strict=False)
+        },
     )
 
 
@@ -257,16 +260,18 @@ def run_host(
     program: Path, plant: Plant, link: str = HOST_LINK, xcp: int | None = None
 ) -> Iterator[RunningFirmware]:
     """Run a firmware built for the board ``host``."""
-    ours, theirs = socket.socketpair()
-    command = [str(Path(program).resolve()), link, f"fd:{theirs.fileno()}"]
+    our_socket, board_socket = socket.socketpair()
+    command = [str(Path(program).resolve()), link, f"fd:{board_socket.fileno()}"]
     command += [] if xcp is None else ["--xcp", str(xcp)]
-    with ours, _start_process(command, [theirs], stdout=subprocess.PIPE) as process:
+    with our_socket, _start_process(command, [board_socket], stdout=subprocess.PIPE) as process:
         url = link
         if link == "pty" or link.startswith("tcp:"):
             address = _read_printed_line(process, program)
             url = address if link == "pty" else f"socket://127.0.0.1:{address}"
-        offered = 0 if xcp is None else int(_read_printed_line(process, program))
-        yield RunningFirmware(url, PlantBus(plant, exchange_over_socket(ours)), offered, ours)
+        offered_port = 0 if xcp is None else int(_read_printed_line(process, program))
+        yield RunningFirmware(
+            url, PlantBus(plant, exchange_over_socket(our_socket)), offered_port, our_socket
+        )
 
 
 def _read_printed_line(process: subprocess.Popen[bytes], program: Path) -> str:
@@ -289,18 +294,23 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
     qemu = find_qemu()
     listeners = [socket.create_server(("127.0.0.1", 0)) for _ in range(1 + xcp)]
     ports = [listener.getsockname()[1] for listener in listeners]
-    ours, theirs = socket.socketpair()
+    our_socket, board_socket = socket.socketpair()
     command = [qemu, "-M", "mps2-an385", "-display", "none", "-monitor", "none"]
-    served = [f"fd={listener.fileno()},server=on,wait=off,nodelay=on" for listener in listeners]
-    command += _serial_options("link", served[0])
-    command += _serial_options("plant", f"fd={theirs.fileno()}")
+    server_options = [
+        f"fd={listener.fileno()},server=on,wait=off,nodelay=on" for listener in listeners
+    ]
+    command += _serial_options("link", server_options[0])
+    command += _serial_options("plant", f"fd={board_socket.fileno()}")
     if xcp:
-        command += _serial_options("xcp", served[1])
+        command += _serial_options("xcp", server_options[1])
     command += ["-echr", _NO_ESCAPE, "-kernel", str(Path(program).resolve())]
-    with ours, _start_process(command, [*listeners, theirs]):
+    with our_socket, _start_process(command, [*listeners, board_socket]):
         url = f"socket://127.0.0.1:{ports[0]}"
         yield RunningFirmware(
-            url, PlantBus(plant, exchange_over_socket(ours)), ports[1] if xcp else 0, ours
+            url,
+            PlantBus(plant, exchange_over_socket(our_socket)),
+            ports[1] if xcp else 0,
+            our_socket,
         )
 
 
@@ -322,7 +332,7 @@ def _serial_options(name: str, where: str) -> list[str]:
 def _start_process(
     command: Sequence[str], handed_over: Sequence[socket.socket], stdout: int | None = None
 ) -> Iterator[subprocess.Popen[bytes]]:
-    descriptors = [end.fileno() for end in handed_over]
+    descriptors = [handed_socket.fileno() for handed_socket in handed_over]
     try:
         process = subprocess.Popen(command, pass_fds=descriptors, stdout=stdout)
     except OSError as error:
@@ -330,8 +340,8 @@ def _start_process(
             f"{command[0]}: cannot be run: {error.strerror}", code="cannot-be-run"
         ) from error
     finally:
-        for end in handed_over:
-            end.close()
+        for handed_socket in handed_over:
+            handed_socket.close()
     try:
         yield process
     finally:

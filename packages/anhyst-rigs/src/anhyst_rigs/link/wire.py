@@ -72,19 +72,19 @@ def encode(message: Message, sequence: int, tick: int = 0, version: int = VERSIO
 
 def cobs_encode(body: bytes) -> bytes:
     """Encode up to 253 bytes without zero bytes (COBS)."""
-    return b"".join(bytes((len(run) + 1,)) + run for run in body.split(b"\0"))
+    return b"".join(bytes((len(block) + 1,)) + block for block in body.split(b"\0"))
 
 
 def cobs_decode(stuffed: bytes) -> bytes | None:
     """Undo :func:`cobs_encode`; None for bytes that cannot be its result."""
     body = bytearray(stuffed)
-    at = 0
-    while at < len(stuffed):
-        run, body[at] = stuffed[at], 0
-        if run == 0:
+    index = 0
+    while index < len(stuffed):
+        block_length, body[index] = stuffed[index], 0
+        if block_length == 0:
             return None
-        at += run
-    return bytes(body[1:]) if at == len(stuffed) else None
+        index += block_length
+    return bytes(body[1:]) if index == len(stuffed) else None
 
 
 class Receiver:
@@ -98,7 +98,7 @@ class Receiver:
         """Add received bytes; returns the frames that they complete."""
         if not data:
             return []
-        *pieces, rest = (self._incomplete + data).split(b"\0")
+        *pieces, incomplete = (self._incomplete + data).split(b"\0")
         frames = []
         for piece in pieces:
             frame = _parse_frame(piece)
@@ -106,7 +106,7 @@ class Receiver:
                 frames.append(frame)
             elif piece:
                 self.bad_count += 1
-        self._incomplete = rest[-_MAX_FRAME_BYTES:]
+        self._incomplete = incomplete[-_MAX_FRAME_BYTES:]
         return frames
 
 
@@ -114,10 +114,10 @@ def _parse_frame(stuffed: bytes) -> Frame | None:
     body = cobs_decode(stuffed)
     if body is None or len(body) < _HEAD.size + _CHECK.size:
         return None
-    text = body[: -_CHECK.size]
-    version, kind, sequence, length, tick = _HEAD.unpack_from(text)
-    payload = text[_HEAD.size :]
-    if length != len(payload) or body[-_CHECK.size :] != _CHECK.pack(zlib.crc32(text)):
+    frame = body[: -_CHECK.size]
+    version, kind, sequence, length, tick = _HEAD.unpack_from(frame)
+    payload = frame[_HEAD.size :]
+    if length != len(payload) or body[-_CHECK.size :] != _CHECK.pack(zlib.crc32(frame)):
         return None
     return Frame(version, kind, sequence, tick, payload)
 
@@ -137,34 +137,34 @@ class SplitResult(NamedTuple):
 
 def frame_packet(packet: bytes, counter: int = 0, serial: bool = False) -> bytes:
     """Return an XCP packet with its head and, on a serial port, its checksum."""
-    whole = _XCP_HEAD.pack(len(packet), counter & 0xFFFF) + packet
+    line_bytes = _XCP_HEAD.pack(len(packet), counter & 0xFFFF) + packet
     if not serial:
-        return whole
-    whole += b"\0" * (len(packet) % 2)
-    return whole + _checksum(whole)
+        return line_bytes
+    line_bytes += b"\0" * (len(packet) % 2)
+    return line_bytes + _checksum(line_bytes)
 
 
 def split_packets(data: bytes, serial: bool = False) -> SplitResult:
     """Split received bytes into packets; on a serial port, search for the next valid packet."""
-    at, skipped = 0, 0
+    position, skipped_bytes = 0, 0
     packets: list[bytes] = []
-    while at + _XCP_HEAD.size <= len(data):
-        length, _ = _XCP_HEAD.unpack_from(data, at)
-        begin = at + _XCP_HEAD.size
+    while position + _XCP_HEAD.size <= len(data):
+        length, _ = _XCP_HEAD.unpack_from(data, position)
+        begin = position + _XCP_HEAD.size
         end = begin + length + (length % 2 if serial else 0)
-        behind = end + (_CHECKSUM_BYTES if serial else 0)
-        possible = 0 < length <= MAX_PACKET_BYTES
-        if possible and behind > len(data):
+        packet_end = end + (_CHECKSUM_BYTES if serial else 0)
+        is_possible = 0 < length <= MAX_PACKET_BYTES
+        if is_possible and packet_end > len(data):
             break
-        if possible and (not serial or _checksum(data[at:end]) == data[end:behind]):
+        if is_possible and (not serial or _checksum(data[position:end]) == data[end:packet_end]):
             packets.append(data[begin : begin + length])
-            at = behind
+            position = packet_end
         elif serial:
-            skipped += 1
-            at += 1
+            skipped_bytes += 1
+            position += 1
         else:
-            return SplitResult(packets, data[at:], 0, True)
-    return SplitResult(packets, data[at:], skipped, False)
+            return SplitResult(packets, data[position:], 0, True)
+    return SplitResult(packets, data[position:], skipped_bytes, False)
 
 
 def _checksum(data: bytes) -> bytes:
@@ -219,8 +219,8 @@ class Port:
         self._serial = _open_serial(url, baud)
         self._fd = _file_descriptor(self._serial)
         if url.startswith("socket://") and self._fd is not None:
-            with socket.socket(fileno=os.dup(self._fd)) as same:
-                same.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            with socket.socket(fileno=os.dup(self._fd)) as connection:
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def close(self) -> None:
         """Close the port."""
@@ -252,8 +252,8 @@ class Port:
         try:
             if self._fd is None:
                 self._serial.timeout = timeout
-                first: bytes = self._serial.read(1)
-                return first + bytes(self._serial.read(self._serial.in_waiting))
+                first_byte: bytes = self._serial.read(1)
+                return first_byte + bytes(self._serial.read(self._serial.in_waiting))
             if not select.select([self._fd], [], [], timeout)[0]:
                 return b""
             try:

@@ -113,8 +113,8 @@ class XcpLine:
         )
 
     def _next_answer(self) -> bytes | None:
-        end = time.monotonic() + (_ANSWER_TIMEOUT_S if self.serial else self.timeout)
-        while time.monotonic() < end and not self._closed.is_set():
+        deadline = time.monotonic() + (_ANSWER_TIMEOUT_S if self.serial else self.timeout)
+        while time.monotonic() < deadline and not self._closed.is_set():
             try:
                 return self._answers.get(timeout=_POLL_S)
             except Empty:
@@ -132,15 +132,15 @@ class XcpLine:
         raise self.make_lost_error()
 
     def _run_reader(self) -> None:
-        rest = b""
+        incomplete = b""
         try:
             while not self._closed.is_set():
-                arrived = split_packets(rest + self._port.read(_POLL_S), self.serial)
-                rest = arrived.rest
-                self.skipped_bytes += arrived.skipped_bytes
-                if arrived.is_broken:
+                result = split_packets(incomplete + self._port.read(_POLL_S), self.serial)
+                incomplete = result.rest
+                self.skipped_bytes += result.skipped_bytes
+                if result.is_broken:
                     raise InputError(f"{self.url}: does not speak XCP", code="no-xcp")
-                self._dispatch(arrived.packets)
+                self._dispatch(result.packets)
                 time.sleep(_BATCH_S)
         except InputError:
             pass  # waiting callers are notified below
@@ -219,11 +219,11 @@ class XcpMaster:
             self.body = Body.FORCE
         except InputError:
             self.body = Body.POSITION
-        own = ("", self.body.name.lower())
-        self.signals = tuple(signal.name for signal in SIGNALS if signal.body in own)
+        own_bodies = ("", self.body.name.lower())
+        self.signals = tuple(signal.name for signal in SIGNALS if signal.body in own_bodies)
         if self._line.serial:
-            load = self._read_rate() * (_SAMPLE_OVERHEAD_BYTES + 4 * len(self.signals))
-            self.tick_interval = min(255, math.ceil(load / _MAX_SAMPLE_BYTES_PER_S))
+            bytes_per_s = self._read_rate() * (_SAMPLE_OVERHEAD_BYTES + 4 * len(self.signals))
+            self.tick_interval = min(255, math.ceil(bytes_per_s / _MAX_SAMPLE_BYTES_PER_S))
         self._start_sampling()
 
     def close(self) -> None:
@@ -256,17 +256,19 @@ class XcpMaster:
 
     def swap_block(self, words: Sequence[int]) -> None:
         """Download another parameter block and activate it between two ticks."""
-        row = [int(word) for word in words]
+        block_words = [int(word) for word in words]
         with self._line.lock:
             self._send(bytes((_SET_PAGE, _MASTER_PAGE, 0, 1)))
             try:
-                for at in range(0, len(row), _MAX_PACKET_WORDS):
-                    part = tuple(row[at : at + _MAX_PACKET_WORDS])
-                    data = struct.pack(f"<{len(part)}h", *part)
+                for offset in range(0, len(block_words), _MAX_PACKET_WORDS):
+                    part_words = tuple(block_words[offset : offset + _MAX_PACKET_WORDS])
+                    data = struct.pack(f"<{len(part_words)}h", *part_words)
                     self._download(
-                        AREA_ADDRESSES["block"] + 2 * at, data, frames.BlockDataRequest(at, part)
+                        AREA_ADDRESSES["block"] + 2 * offset,
+                        data,
+                        frames.BlockDataRequest(offset, part_words),
                     )
-                swap = frames.BlockSwapRequest(row[GENERATION_INDEX] & 0xFFFF)
+                swap = frames.BlockSwapRequest(block_words[GENERATION_INDEX] & 0xFFFF)
                 self._send_checked(bytes((_SET_PAGE, _CONTROLLER_PAGE, 0, 1)), swap)
             finally:
                 self._send(bytes((_SET_PAGE, _MASTER_PAGE, 0, 0)))
@@ -290,9 +292,9 @@ class XcpMaster:
             self._write_value(
                 _INPUT_ADDRESSES["command"], int(command), frames.CommandRequest(command)
             )
-            done = self.read_clock()
+            written_tick = self.read_clock()
             for _ in range(_MAX_CLOCK_READS):
-                if self.read_clock() != done:
+                if self.read_clock() != written_tick:
                     return State(self._read_value(_STATE_ADDRESS))
         raise InputError(f"{self.url}: no tick passes; the controller stands", code="no-tick")
 
@@ -328,8 +330,8 @@ class XcpMaster:
         form = [("head", "<u2"), ("tick", "<u4"), ("values", "<i4", len(self.signals))]
         samples = np.frombuffer(packets, dtype=form)
         stamps = samples["tick"].astype(np.int64)
-        before = self._last_tick if self._last_tick >= 0 else int(stamps[0]) - 1
-        ticks = before + np.cumsum(np.diff(stamps, prepend=before & 0xFFFFFFFF) & 0xFFFFFFFF)
+        last_tick = self._last_tick if self._last_tick >= 0 else int(stamps[0]) - 1
+        ticks = last_tick + np.cumsum(np.diff(stamps, prepend=last_tick & 0xFFFFFFFF) & 0xFFFFFFFF)
         self._last_tick = int(ticks[-1])
         return np.column_stack((ticks, samples["values"].astype(np.int64)))
 
@@ -340,13 +342,13 @@ class XcpMaster:
 
     def _start_sampling(self) -> None:
         """Sample all signals from the next tick on."""
-        numbers = [n for n, signal in enumerate(SIGNALS) if signal.name in self.signals]
-        count = len(numbers)
+        signal_numbers = [n for n, signal in enumerate(SIGNALS) if signal.name in self.signals]
+        count = len(signal_numbers)
         commands = [b"\xd6", b"\xd5\0\1\0", b"\xd4\0\0\0\1", bytes((0xD3, 0, 0, 0, 0, count))]
         commands.append(b"\xe2\0\0\0\0\0")
         commands += [
             struct.pack("<BBBBI", 0xE1, 0xFF, 4, 0, AREA_ADDRESSES["signal"] + 4 * n)
-            for n in numbers
+            for n in signal_numbers
         ]
         commands += [
             bytes((0xE0, _TIMESTAMP_MODE, 0, 0, 0, 0, self.tick_interval, 0)),
@@ -439,23 +441,26 @@ class XcpBridge:
                 self._disconnect()
 
     def _serve(self, master: socket.socket) -> None:
-        arrived = b""
+        incomplete = b""
         counter = 0
-        wait = _POLL_INTERVAL_S
+        wait_s = _POLL_INTERVAL_S
         while True:
             commands: list[bytes] = []
-            if select.select([master], [], [], wait)[0]:
+            if select.select([master], [], [], wait_s)[0]:
                 data = master.recv(4096)
                 if not data:
                     return
-                commands, arrived, _, broken = split_packets(arrived + data)
-                if broken:
+                commands, incomplete, _, is_broken = split_packets(incomplete + data)
+                if is_broken:
                     return
             packets = [packet for command in commands or [b""] for packet in self._forward(command)]
-            wait = 0.0 if packets else _POLL_INTERVAL_S
+            wait_s = 0.0 if packets else _POLL_INTERVAL_S
             if packets:
                 master.sendall(
-                    b"".join(frame_packet(one, counter + n) for n, one in enumerate(packets))
+                    b"".join(
+                        frame_packet(packet, counter + index)
+                        for index, packet in enumerate(packets)
+                    )
                 )
                 counter += len(packets)
 
@@ -464,11 +469,11 @@ class XcpBridge:
         answer = self._controller.request(
             frames.XcpRequest(tuple(command)), frames.XcpPacketsAnswer
         )
-        rest, packets = bytes(answer.packets), []
-        while rest:
-            end = 1 + rest[0]
-            packets.append(rest[1:end])
-            rest = rest[end:]
+        remaining, packets = bytes(answer.packets), []
+        while remaining:
+            end = 1 + remaining[0]
+            packets.append(remaining[1:end])
+            remaining = remaining[end:]
         return packets
 
     def _disconnect(self) -> None:

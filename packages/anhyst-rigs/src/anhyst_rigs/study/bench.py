@@ -111,14 +111,19 @@ def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
         )
     loops = read_rig_loops(rig)
     signals, limits = manifest["signals"], manifest["limits"]
-    gap = signals["gap"] or {"low": 0.0, "high": 0.0}
-    kind: Kind = "simplified" if manifest["kind"] == "simplified" else "full"
+    gap_signal = signals["gap"] or {"low": 0.0, "high": 0.0}
+    law_kind: Kind = "simplified" if manifest["kind"] == "simplified" else "full"
     return PreparedBoard(
         complete_rig(rig, loops),
         loops,
         _find_model_file(manifest, [Path(folder).resolve().parent, rig.path.resolve().parent]),
-        CompileRequest(kind, manifest["io"], float(manifest["rate_Hz"])),
-        Scales(signals["demand"]["scale"], signals["current"]["scale"], gap["low"], gap["high"]),
+        CompileRequest(law_kind, manifest["io"], float(manifest["rate_Hz"])),
+        Scales(
+            signals["demand"]["scale"],
+            signals["current"]["scale"],
+            gap_signal["low"],
+            gap_signal["high"],
+        ),
         DemandLimits(tuple(limits["demand"]), tuple(limits["current"])),
     )
 
@@ -146,10 +151,10 @@ def _find_model_file(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Mo
     for path in (file for folder in folders for file in sorted(folder.glob("*.toml"))):
         if hashlib.sha256(path.read_bytes()).hexdigest() == digest:
             return read_model(path)
-    places = " or ".join(str(folder) for folder in folders)
+    folder_names = " or ".join(str(folder) for folder in folders)
     raise InputError(
         f"model '{manifest['model']['name']}': the file that the folder was compiled from is not in "
-        f"{places}; put it there, unchanged",
+        f"{folder_names}; put it there, unchanged",
         code="model-file-missing",
     )
 
@@ -186,12 +191,12 @@ def prepare_bearing(
     """Identify the magnet of a bearing, and build the firmware of its controller."""
     parts = split_progress(progress, (1.0, 1.0))
     rig, controller = read_files(rig_path, controller_path)
-    ready = check_inputs(rig, controller)
+    inputs = check_inputs(rig, controller)
     next(parts)(1, 1)
-    known = ready.identify_magnet()
-    setup, firmware = build_firmware(ready.rig, controller, known, "library", folder)
+    knowledge = inputs.identify_magnet()
+    setup, firmware = build_firmware(inputs.rig, controller, knowledge, "library", folder)
     next(parts)(1, 1)
-    return PreparedBearing(setup, known.model, firmware)
+    return PreparedBearing(setup, knowledge.model, firmware)
 
 
 def prepare_force(
@@ -253,18 +258,19 @@ def prepare_cached(
     rig_path: PathLike, controller_path: PathLike | None, progress: Progress | None = None
 ) -> Iterator[Prepared]:
     """Prepare a bench, or load it from the cache if it was prepared from the same files before."""
-    kind = _bench_kind(rig_path, controller_path)
-    is_kept = kind.prepare.__module__.startswith("anhyst_rigs.")  # no hash of other packages' code
-    place = cache_folder("benches") / _cache_key(kind.files(rig_path, controller_path))
-    prepared_before = _load_cached(place) if is_kept else None
+    bench_kind = _bench_kind(rig_path, controller_path)
+    # The hash does not cover code of other packages.
+    is_cacheable = bench_kind.prepare.__module__.startswith("anhyst_rigs.")
+    cache_entry = cache_folder("benches") / _cache_key(bench_kind.files(rig_path, controller_path))
+    prepared_before = _load_cached(cache_entry) if is_cacheable else None
     if prepared_before is not None:
         yield prepared_before
         return
     with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
         prepared = prepare_bench(rig_path, controller_path, Path(folder), progress)
-        if is_kept:
+        if is_cacheable:
             with suppress(OSError):
-                _store(prepared, place)
+                _store(prepared, cache_entry)
         yield prepared
 
 
@@ -277,18 +283,18 @@ def _load_cached(folder: Path) -> Prepared | None:
     return prepared.with_firmware(folder / _FIRMWARE_FILE) if prepared.firmware else prepared
 
 
-def _store(prepared: Prepared, folder_path: Path) -> None:
+def _store(prepared: Prepared, cache_entry: Path) -> None:
     """Write a bench into the cache, completely or not at all."""
-    folder_path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".", dir=folder_path.parent) as draft:
-        folder = Path(draft) / "whole"
+    cache_entry.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".", dir=cache_entry.parent) as draft_folder:
+        folder = Path(draft_folder) / "whole"
         folder.mkdir()
         if prepared.firmware is not None:
             shutil.copy2(prepared.firmware, folder / _FIRMWARE_FILE)
         (folder / _PICKLE_FILE).write_bytes(pickle_with_digest(prepared))
-        shutil.rmtree(folder_path, ignore_errors=True)  # an unreadable entry
-        folder.rename(folder_path)
-    remove_oldest(folder_path.parent, MAX_CACHED_BENCHES)
+        shutil.rmtree(cache_entry, ignore_errors=True)  # an unreadable entry
+        folder.rename(cache_entry)
+    remove_oldest(cache_entry.parent, MAX_CACHED_BENCHES)
 
 
 def _cache_key(files: Sequence[Path]) -> str:
@@ -304,8 +310,8 @@ def _cache_key(files: Sequence[Path]) -> str:
 def _source_files() -> Iterator[Path]:
     """Yield the compilers and the C sources of a firmware."""
     for name in ("cc", "gcc", "clang"):
-        if tool := shutil.which(name):
-            yield Path(tool)
+        if compiler := shutil.which(name):
+            yield Path(compiler)
     for folder in (core_folder(), firmware_folder()):
         for path in sorted(folder.rglob("*")):
             if path.is_file() and path.suffix in {".c", ".h", ".ld", ".toml"}:

@@ -196,19 +196,19 @@ def map_bearing_benefit(
     them, and all run with the gains of the controller file.
     """
     check_controller(controller, rig)
-    tried = rig.settings
-    steps = tuple(tried.step.heights_m if heights is None else heights)
-    count = tried.noise_seeds if seeds is None else seeds
+    settings = rig.settings
+    steps = tuple(settings.step.heights_m if heights is None else heights)
+    seed_count = settings.noise_seeds if seeds is None else seeds
     irons = list(product(scales, fractions or reversible_fractions(rig.settings)))
-    work = partial(_map_iron, rig, controller.settings, steps, range(count))
-    rows = map_ordered(work, irons, progress, jobs)
+    work = partial(_map_iron, rig, controller.settings, steps, range(seed_count))
+    cells_by_iron = map_ordered(work, irons, progress, jobs)
     return Benefit(
         rig=rig.settings.name,
-        seeds=count,
-        cells=tuple(cell for cells in rows for cell in cells),
+        seeds=seed_count,
+        cells=tuple(cell for cells in cells_by_iron for cell in cells),
         bearing={
             "controller": controller.settings.name,
-            "gap_m": tried.gap_m,
+            "gap_m": settings.gap_m,
             "load_N": rig.settings.load.force_N,
         },
     )
@@ -241,8 +241,8 @@ def _map_iron(
         label=slopes.label,
     )
     steps: dict[MethodName, list[list[StepResult]]] = {}
-    probe = rig.settings.hall_probe is not None
-    baselines: tuple[MethodName, ...] = (*BASELINES, "flux") if probe else BASELINES
+    has_probe = rig.settings.hall_probe is not None
+    baselines: tuple[MethodName, ...] = (*BASELINES, "flux") if has_probe else BASELINES
     for variant in (*baselines, "full"):
         setup = make_setup(rig, table, knowledge, variant, table.compensation.format)
         gap, load = rig.settings.gap_m, rig.settings.load.force_N
@@ -262,22 +262,22 @@ def _make_step_cell(
     runs: dict[MethodName, _StepPairs] = {  # up and down, seed by seed
         name: [
             [step.figures for step in run if math.isclose(step.height, height, rel_tol=1e-6)]
-            for run in each
+            for run in variant_runs
         ]
-        for name, each in steps.items()
+        for name, variant_runs in steps.items()
     }
     hold = rig.settings.step.hold_s
     values = {
         name: {metric.key: _step_values(pairs, metric.key, hold) for metric in STEP_METRICS}
         for name, pairs in runs.items()
     }
-    still = {
+    standstill = {
         name: float(np.mean([figures["standstill_rms_m"] for pair in pairs for figures in pair]))
         for name, pairs in runs.items()
     }
-    probed = rig.settings.hall_probe is not None
+    has_probe = rig.settings.hall_probe is not None
     return make_map_cell(
-        iron, height, values, still, probed, [metric.key for metric in STEP_METRICS]
+        iron, height, values, standstill, has_probe, [metric.key for metric in STEP_METRICS]
     )
 
 
@@ -306,7 +306,7 @@ def make_map_cell(
         iron=iron,
         case=case,
         figures={
-            name: {key: mean_interval(row) for key, row in rows.items()}
+            name: {key: mean_interval(values_by_seed) for key, values_by_seed in rows.items()}
             for name, rows in values.items()
         },
         standstill=standstill,
@@ -318,20 +318,26 @@ def make_map_cell(
 
 def _step_values(runs: _StepPairs, key: str, hold: float) -> FloatArray:
     """Return the larger value of up and down for each seed; the hold limits the settling time."""
-    most = hold if key == "settling_in_noise_s" else math.inf
-    return np.array([max(min(figures[key], most) for figures in pair) for pair in runs])
+    max_value = hold if key == "settling_in_noise_s" else math.inf
+    return np.array([max(min(figures[key], max_value) for figures in pair) for pair in runs])
 
 
 def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> Comparison:
     """Compare with the best baseline of this cell. The selection slightly favours the baseline."""
-    held = [name for name in baselines if name in values and np.isfinite(values[name][key]).all()]
-    if not held:
+    available = [
+        name for name in baselines if name in values and np.isfinite(values[name][key]).all()
+    ]
+    if not available:
         return Comparison(None, None, None)
-    baseline = min(held, key=lambda name: float(np.mean(values[name][key])))
+    baseline = min(available, key=lambda name: float(np.mean(values[name][key])))
     if "full" not in values or not np.isfinite(values["full"][key]).all():
         return Comparison(baseline, None, None)
-    own, other = values["full"][key], values[baseline][key]
-    return Comparison(baseline, mean_ratio(own, other), mean_interval(other - own))
+    full_values, baseline_values = values["full"][key], values[baseline][key]
+    return Comparison(
+        baseline,
+        mean_ratio(full_values, baseline_values),
+        mean_interval(baseline_values - full_values),
+    )
 
 
 def _with_overshoot_floor(
@@ -342,8 +348,8 @@ def _with_overshoot_floor(
         return compared
     pair: tuple[MethodName, ...] = ("full", compared.baseline)
     floor = 100.0 * OVERSHOOT_FLOOR_FACTOR * max(standstill[name] for name in pair) / height
-    most = max(float(np.mean(values[name]["overshoot_percent"])) for name in pair)
-    return replace(compared, floor=floor, is_below_floor=most < floor)
+    largest_overshoot = max(float(np.mean(values[name]["overshoot_percent"])) for name in pair)
+    return replace(compared, floor=floor, is_below_floor=largest_overshoot < floor)
 
 
 AnyRig = BodyRig | ForceControlRig | PiezoRig
@@ -369,17 +375,19 @@ def map_plant_benefit(
     The loops of every iron are measured and identified. The figures are those of the random plants
     of this kind of rig, without drift, over several noise seeds.
     """
-    own = (
+    default_count = (
         rig.settings.noise_seeds if allows_key(rig.settings, "noise_seeds") else DEFAULT_SEED_COUNT
     )
-    count = seeds or own
+    seed_count = seeds or default_count
     irons = list(product(scales, fractions or reversible_fractions(rig.settings)))
-    rows = map_ordered(partial(_map_plants, rig, range(1, count + 1)), irons, progress, jobs)
+    results = map_ordered(
+        partial(_map_plants, rig, range(1, seed_count + 1)), irons, progress, jobs
+    )
     return Benefit(
         rig=rig.settings.name,
-        seeds=count,
-        cells=tuple(cell for cells, _ in rows for cell in cells),
-        metrics=rows[0][1],
+        seeds=seed_count,
+        cells=tuple(cell for cells, _ in results for cell in cells),
+        metrics=results[0][1],
     )
 
 
@@ -389,24 +397,28 @@ def _map_plants(
     """Run one iron with every method."""
     scale, fraction = iron_case
     loops, plants = require_capability(rig.settings.kind, HasIrons).with_iron(rig, fraction, scale)
-    share = reversal_slope_ratio(loops)
-    label = "" if share is None else label_iron(share)
+    slope_ratio = reversal_slope_ratio(loops)
+    label = "" if slope_ratio is None else label_iron(slope_ratio)
     width = assess_loops(loops).width_relative
-    iron = IronFigures(scale, fraction, width, share, None, label)
+    iron = IronFigures(scale, fraction, width, slope_ratio, None, label)
     runs = {
         method: [plants.run(method, NO_DRIFT, seed) for seed in seeds] for method in plants.methods
     }
-    held = {
-        method: each for method, each in runs.items() if not any("lost_s" in run for run in each)
+    complete_runs = {
+        method: method_runs
+        for method, method_runs in runs.items()
+        if not any("lost_s" in run for run in method_runs)
     }
     cells, keys = [], [figure.key for figure in plants.figures]
-    for case, numbers in _cases(plants).items():
+    for case, positions in _cases(plants).items():
         values = {
             method: {
-                figure.key: np.array([_largest_value(run[figure.key], numbers) for run in each])
+                figure.key: np.array(
+                    [_largest_value(run[figure.key], positions) for run in method_runs]
+                )
                 for figure in plants.figures
             }
-            for method, each in held.items()
+            for method, method_runs in complete_runs.items()
         }
         cells.append(make_map_cell(iron, case, values, {}, "flux" in plants.methods, keys))
     return cells, plants.figures
@@ -418,31 +430,35 @@ def _cases(plants: Plants) -> Mapping[str, Sequence[int]]:
         return {plants.single_case: [0]}
     stages = [name.partition("_")[0] for name in plants.figures[0].case_names]
     return {
-        f"worst of {stage}": [place for place, one in enumerate(stages) if one == stage]
+        f"worst of {stage}": [
+            position for position, stage_name in enumerate(stages) if stage_name == stage
+        ]
         for stage in dict.fromkeys(stages)
     }
 
 
-def _largest_value(figure: float | Sequence[float | None] | None, numbers: Sequence[int]) -> float:
+def _largest_value(
+    figure: float | Sequence[float | None] | None, positions: Sequence[int]
+) -> float:
     """Return the largest of some values of a figure; infinite if a level was not reached."""
-    row = [figure[number] for number in numbers] if isinstance(figure, Sequence) else [figure]
-    return max(math.inf if value is None else value for value in row)
+    values = [figure[number] for number in positions] if isinstance(figure, Sequence) else [figure]
+    return max(math.inf if value is None else value for value in values)
 
 
 def stage_with_iron(rig: BodyRig, fraction: float | None, scale: float) -> tuple[Loops, Plants]:
     """Measure the loops of a stage with another iron; returns the loops and the plants."""
-    iron = change_iron(rig, fraction, scale)
-    known = identify_stage_magnet(iron, measure_loops(iron))
-    probed: tuple[MethodName, ...] = ("flux",) if rig.settings.hall_probe is not None else ()
-    names: tuple[MethodName, ...] = (*BASELINES, "full", *probed)
-    return known.loops, stage_plants(iron, known, names, errors={"none": ()}, jobs=1)
+    stage = change_iron(rig, fraction, scale)
+    knowledge = identify_stage_magnet(stage, measure_loops(stage))
+    probe_methods: tuple[MethodName, ...] = ("flux",) if rig.settings.hall_probe is not None else ()
+    names: tuple[MethodName, ...] = (*BASELINES, "full", *probe_methods)
+    return knowledge.loops, stage_plants(stage, knowledge, names, errors={"none": ()}, jobs=1)
 
 
 def force_with_iron(rig: ForceControlRig, _: float | None, scale: float) -> tuple[Loops, Plants]:
     """Measure the loops of an actuator with another iron; returns the loops and the plants."""
-    other = drifted_rig(rig, Drift(pinning=scale - 1.0))
-    loops = excite_specimen(force_specimen(other)).loops
-    return loops, force_plants(other, loops=loops)
+    drifted = drifted_rig(rig, Drift(pinning=scale - 1.0))
+    loops = excite_specimen(force_specimen(drifted)).loops
+    return loops, force_plants(drifted, loops=loops)
 
 
 def piezo_with_iron(rig: PiezoRig, _: float | None, scale: float) -> tuple[Loops, Plants]:
@@ -464,15 +480,16 @@ def _cell_dict(cell: MapCell) -> dict[str, Any]:
         "iron": iron.label,
         "height_m" if isinstance(cell.case, float) else "case": cell.case,
         "figures": {
-            name: {measure: _interval_dict(value) for measure, value in rows.items()}
-            for name, rows in cell.figures.items()
+            name: {key: _interval_dict(value) for key, value in intervals.items()}
+            for name, intervals in cell.figures.items()
         },
         "standstill_rms_m": dict(cell.standstill),
         **{
-            f"against_{of}": {
-                name: _comparison_dict(one) for name, one in getattr(cell, of).items()
+            f"against_{opponent}": {
+                name: _comparison_dict(comparison)
+                for name, comparison in getattr(cell, opponent).items()
             }
-            for of in ("strongest", "ratio", "flux")
+            for opponent in ("strongest", "ratio", "flux")
         },
     }
 

@@ -109,10 +109,10 @@ class ForceControl(StudyResult):
                 f"the force was lost: {'; '.join(self.lost_in)}; all files are kept",
                 code="force-lost",
             )
-        if differing := self.figures["ticks_that_differ"]:
+        if differing_ticks := self.figures["ticks_that_differ"]:
             raise NegativeResult(
                 "the firmware gave another current than the simulated program at "
-                f"{differing} ticks",
+                f"{differing_ticks} ticks",
                 code="firmware-differs",
             )
 
@@ -126,10 +126,12 @@ class ForceControl(StudyResult):
     def facts(self) -> dict[str, str]:
         """Return the folder, and the force error of each controller over all trials."""
         facts = {"folder": str(self.out), "trials": str(len(self.outcomes))}
-        rows = self._errors()
-        for name in dict.fromkeys(row["controller"] for row in rows):
-            mean = np.mean([row["error_rms_N"] for row in rows if row["controller"] == name])
-            facts[name] = f"force off by {mean:.3g} N rms"
+        errors = self._errors()
+        for name in dict.fromkeys(row["controller"] for row in errors):
+            mean_error_N = np.mean(
+                [row["error_rms_N"] for row in errors if row["controller"] == name]
+            )
+            facts[name] = f"force off by {mean_error_N:.3g} N rms"
         return facts | self.losses_fact()
 
     def _errors(self) -> list[dict[str, Any]]:
@@ -176,20 +178,20 @@ def force_control(
     progress: Progress | None = None,
 ) -> ForceControl:
     """Identify, compile and build the controllers, and run every trial: `anhyst.force_control`."""
-    named = read_rig(rig)
-    demands = _collect_demands(named, demand)
+    rig_from_file = read_rig(rig)
+    demands = _collect_demands(rig_from_file, demand)
     check_format(Path(out) / f"recording.{recordings}")
     check_compiler(board)  # report a missing tool before the computation
     if board == "qemu-mps2":
         find_qemu()
-    trials = list(plan_trials(named, demands))
-    parts = split_progress(progress, [_PREPARATION_WORK, _PREPARATION_WORK, len(trials)])
-    loops = read_rig_loops(named)
-    end = loops_at_gap(loops, named.settings.force.end_m)
-    force_max = named.settings.force.force_max_N
-    ratio = fit_ratio(end, force_max)
+    trials = list(plan_trials(rig_from_file, demands))
+    progress_parts = split_progress(progress, [_PREPARATION_WORK, _PREPARATION_WORK, len(trials)])
+    loops = read_rig_loops(rig_from_file)
+    end_loops = loops_at_gap(loops, rig_from_file.settings.force.end_m)
+    force_max = rig_from_file.settings.force.force_max_N
+    ratio = fit_ratio(end_loops, force_max)
     baselines: dict[str, dict[str, Compensator]] = {
-        "end": {"ratio": ratio, "single": fit_single_valued(end, force_max)},
+        "end": {"ratio": ratio, "single": fit_single_valued(end_loops, force_max)},
         "stroke": {
             "ratio": ratio,
             "ratio_over_gap": fit_ratio(loops, force_max),
@@ -197,23 +199,25 @@ def force_control(
         },
     }
     with atomic_folder(out) as folder:
-        whole = complete_rig(named, loops)
-        found_models = map_ordered(partial(identify_force_model, whole), [end, loops], next(parts))
+        complete = complete_rig(rig_from_file, loops)
+        found_models = map_ordered(
+            partial(identify_force_model, complete), [end_loops, loops], next(progress_parts)
+        )
         models = dict(zip(baselines, found_models, strict=True))
-        programs = _build_programs(whole, models, board, folder, next(parts))
+        programs = _build_programs(complete, models, board, folder, next(progress_parts))
         controllers = {
             scope: Controllers(programs[scope], results, board)
             for scope, results in baselines.items()
         }
-        tasks = [(whole, trial, controllers[MODEL_SCOPES[trial.stage]]) for trial in trials]
-        outcomes = map_ordered(_run_trial, tasks, next(parts))
-        plant = whole.check_plant(loops, models["stroke"])
-        results = make_figures(whole, outcomes, board) | {"plant": plant.as_dict()}
+        tasks = [(complete, trial, controllers[MODEL_SCOPES[trial.stage]]) for trial in trials]
+        outcomes = map_ordered(_run_trial, tasks, next(progress_parts))
+        plant = complete.check_plant(loops, models["stroke"])
+        results = make_figures(complete, outcomes, board) | {"plant": plant.as_dict()}
         results["verdict"] = None if results["lost_in"] else verdict_dict(results["summary"])
         for outcome in outcomes:
-            _write_trial(whole, folder / f"{outcome.trial.name}.{recordings}", outcome)
+            _write_trial(complete, folder / f"{outcome.trial.name}.{recordings}", outcome)
         write_json(folder / FIGURES_FILE, results)
-    return ForceControl(whole, Path(out), results, tuple(outcomes), plant)
+    return ForceControl(complete, Path(out), results, tuple(outcomes), plant)
 
 
 def _compiled_methods(model: Model) -> tuple[MethodName, ...]:
@@ -259,9 +263,10 @@ def _build_programs(
         for scope, model in models.items()
         for name in _compiled_methods(model)
     ]
-    made = iter(map_ordered(_build_program, tasks, progress))
+    programs = iter(map_ordered(_build_program, tasks, progress))
     return {
-        scope: tuple(next(made) for _ in _compiled_methods(one)) for scope, one in models.items()
+        scope: tuple(next(programs) for _ in _compiled_methods(model))
+        for scope, model in models.items()
     }
 
 
@@ -284,11 +289,11 @@ def _read_demand(rig: ForceControlRig, path: PathLike) -> Demand:
     """Read a demand and sample it at the ticks of the controller."""
     table = read_columns(path)
     time, force = table.require("time", "t_s"), table.require("force", "F_N")
-    most = rig.settings.force.force_max_N
-    if force.min() < 0.0 or force.max() > most:
-        row = int(np.argmax((force < 0.0) | (force > most)))
+    force_max_N = rig.settings.force.force_max_N
+    if force.min() < 0.0 or force.max() > force_max_N:
+        row = int(np.argmax((force < 0.0) | (force > force_max_N)))
         raise InputError(
-            f"{path}: sample {row}: {force[row]:g} N is beyond 0 to {most:g} N "
+            f"{path}: sample {row}: {force[row]:g} N is beyond 0 to {force_max_N:g} N "
             f"(force_max_N of {rig.path}); lower the demand",
             code="out-of-range",
         )

@@ -50,9 +50,9 @@ class ForceTrial:
     @property
     def name(self) -> str:
         """Name for files: ``positions_1.25mm_wide``."""
-        at = "" if self.position is None else f"_{1e3 * self.position:.2f}mm"
-        past = "_demagnetised" if self.initial_state == "demagnetised" else ""
-        return f"{self.stage}{at}_{self.demand.name}{past}"
+        position_text = "" if self.position is None else f"_{1e3 * self.position:.2f}mm"
+        history_text = "_demagnetised" if self.initial_state == "demagnetised" else ""
+        return f"{self.stage}{position_text}_{self.demand.name}{history_text}"
 
     def gap(self, rig: ForceControlRig) -> FloatArray:
         """Return the position of the armature at every tick, m."""
@@ -113,37 +113,39 @@ def plan_trials(rig: ForceControlRig, demands: list[Demand]) -> Iterator[ForceTr
 def run_trial(rig: ForceControlRig, trial: ForceTrial, controllers: Controllers) -> ForceOutcome:
     """Run one trial with every controller of its stage and the same noise."""
     gap, seed = trial.gap(rig), [1, trial.number]
-    demagnetised = trial.initial_state == "demagnetised"
+    is_demagnetised = trial.initial_state == "demagnetised"
     recordings: dict[str, Recording] = {}
-    simulated: dict[str, FloatArray] = {}
-    differing: dict[str, int] = {}
+    simulated_force: dict[str, FloatArray] = {}
+    differing_ticks: dict[str, int] = {}
 
-    def stand() -> ActuatorStand:
-        fresh = ActuatorStand(rig, seed)
-        if not demagnetised:
-            fresh.apply_random_history(gap[0])
-        return fresh
+    def make_stand() -> ActuatorStand:
+        new_stand = ActuatorStand(rig, seed)
+        if not is_demagnetised:
+            new_stand.apply_random_history(gap[0])
+        return new_stand
 
     for program in controllers.programs:
         recording, session = run_firmware(
-            rig, program, stand(), gap, trial.demand, controllers.board, demagnetised
+            rig, program, make_stand(), gap, trial.demand, controllers.board, is_demagnetised
         )
         recordings[program.name] = recording
-        differing[program.name] = count_differing_ticks(program, session)
-        simulated[program.name] = _predict_force(program, recording, demagnetised)
-    known = rig.make_sensors(seed)["gap"].read(gap)
+        differing_ticks[program.name] = count_differing_ticks(program, session)
+        simulated_force[program.name] = _predict_force(program, recording, is_demagnetised)
+    gap_reading = rig.make_sensors(seed)["gap"].read(gap)
     for name, baseline in controllers.baselines.items():
-        driven = stand()
-        if not demagnetised:
-            driven.condition(controllers.conditioning, gap[0])
-        recordings[name] = run_open_loop(driven, gap, baseline.run(trial.demand.force, known))
-    return ForceOutcome(trial, recordings, simulated, differing)
+        baseline_stand = make_stand()
+        if not is_demagnetised:
+            baseline_stand.condition(controllers.conditioning, gap[0])
+        recordings[name] = run_open_loop(
+            baseline_stand, gap, baseline.run(trial.demand.force, gap_reading)
+        )
+    return ForceOutcome(trial, recordings, simulated_force, differing_ticks)
 
 
-def _predict_force(program: Program, recording: Recording, demagnetised: bool) -> FloatArray:
+def _predict_force(program: Program, recording: Recording, is_demagnetised: bool) -> FloatArray:
     """Return the force of the model for the currents of a program, without noise and delay, N."""
-    turns = ",".join(repr(turn) for turn in [0.0, *program.conditioning_currents])
-    history = "demagnetised" if demagnetised else f"conditioned:{turns}"
+    reversals = ",".join(repr(current) for current in [0.0, *program.conditioning_currents])
+    history = "demagnetised" if is_demagnetised else f"conditioned:{reversals}"
     model = program.model
     gap = recording["gap_read_m"] if model.needs_schedule else None
     time = recording["t_s"] if model.has_eddy_currents else None
@@ -175,8 +177,10 @@ def error_figures(deviation: FloatArray, force_max: float) -> dict[str, float]:
         "rms": rms(deviation),
         "mean": float(np.abs(deviation).mean()),
     }
-    newtons = {f"{name}_N": one for name, one in errors.items()}
-    return newtons | {f"{name}_percent": 100.0 * one / force_max for name, one in errors.items()}
+    newtons = {f"{name}_N": error for name, error in errors.items()}
+    return newtons | {
+        f"{name}_percent": 100.0 * error / force_max for name, error in errors.items()
+    }
 
 
 def evaluate_outcome(outcome: ForceOutcome, force_max: float) -> dict[str, dict[str, Any]]:
@@ -192,8 +196,8 @@ def evaluate_outcome(outcome: ForceOutcome, force_max: float) -> dict[str, dict[
         if name in outcome.simulated_force:
             forces["simulated"] = outcome.simulated_force[name]
         scores[name] = {
-            what: error_figures((force - demand.force)[demand.lead_in :], force_max)
-            for what, force in forces.items()
+            kind: error_figures((force - demand.force)[demand.lead_in :], force_max)
+            for kind, force in forces.items()
         } | (
             {"differing": outcome.differing_ticks[name]} if name in outcome.differing_ticks else {}
         )
@@ -212,10 +216,12 @@ def worst_errors(
     groups: dict[str, dict[str, dict[str, float]]] = {}
     for trial in trials:
         errors = groups.setdefault(group(trial), {})
-        for name, scored in trial["controllers"].items():
-            new = {key: scored["true"][key] for key in ("worst_percent", "rms_percent")}
-            before = errors.get(name, new)
-            errors[name] = {key: max(before[key], one) for key, one in new.items()}
+        for name, forces in trial["controllers"].items():
+            trial_errors = {key: forces["true"][key] for key in ("worst_percent", "rms_percent")}
+            worst_so_far = errors.get(name, trial_errors)
+            errors[name] = {
+                key: max(worst_so_far[key], value) for key, value in trial_errors.items()
+            }
     return groups
 
 
@@ -236,19 +242,21 @@ def summarise_errors(trials: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
 def find_losses(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
     """Return every trial in which the force of ``full`` was lost, with time and reason."""
-    lost = []
+    losses = []
     for outcome in outcomes:
         demand, recording = outcome.trial.demand, outcome.recordings["full"]
-        off = (recording["force_N"] - demand.force)[demand.lead_in :]
+        error = (recording["force_N"] - demand.force)[demand.lead_in :]
         current = recording["current_A"][demand.lead_in :]
         bounds = (
-            SignalBound("the force was off by the largest of the rig", off, -force_max, force_max),
+            SignalBound(
+                "the force was off by the largest of the rig", error, -force_max, force_max
+            ),
             SignalBound("the current left all bounds", current, -math.inf, math.inf),
         )
         loss = find_loss(bounds, planned=demand.force.size - demand.lead_in)
         if loss is not None:
-            lost.append(f"{outcome.trial.name} at tick {loss.tick}, {loss.reason}")
-    return lost
+            losses.append(f"{outcome.trial.name} at tick {loss.tick}, {loss.reason}")
+    return losses
 
 
 def make_figures(

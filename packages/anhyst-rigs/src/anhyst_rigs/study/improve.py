@@ -54,14 +54,14 @@ class BenchMonitor:
 
     def add_rows(self, rows: FloatArray) -> None:
         """Process rows of the bench; the result does not depend on their division into calls."""
-        seen = rows[rows[:, 0] % self._tick_interval == 0]
-        if not len(seen) or self._error_text:
+        samples = rows[rows[:, 0] % self._tick_interval == 0]
+        if not len(samples) or self._error_text:
             return
-        current, gap, force = (seen[:, column] for column in self._columns)
+        current, gap, force = (samples[:, column] for column in self._columns)
         try:
             if self._monitor is None:
                 self._monitor = DriftMonitor(self._model, float(gap[0]))
-            self._monitor.add_samples(seen[:, 0], current, gap, force)
+            self._monitor.add_samples(samples[:, 0], current, gap, force)
         except InputError as error:
             self._error_text = str(error)
 
@@ -123,8 +123,10 @@ def make_drawn_loops(loops: Loops, model: Model | None = None) -> tuple[DrawnLoo
 
 
 def _make_drawn_loop(kind: str, loop: Loop, force: FloatArray) -> DrawnLoop:
-    kept = thin_rows(loop.input, _DRAWN_POINTS * max(1, loop.reversals // 2))
-    return DrawnLoop(kind, loop.schedule_value, loop.input[kept].tolist(), force[kept].tolist())
+    indices = thin_rows(loop.input, _DRAWN_POINTS * max(1, loop.reversals // 2))
+    return DrawnLoop(
+        kind, loop.schedule_value, loop.input[indices].tolist(), force[indices].tolist()
+    )
 
 
 class ModelWithLoops(NamedTuple):
@@ -151,14 +153,14 @@ class ModelComparison:
         self, predicted: tuple[FloatArray, ...], gap: float | None = None
     ) -> dict[str, float]:
         """Return rms and peak residual over all loops or those of one gap, including sensor noise."""
-        off = np.concatenate(
+        residual = np.concatenate(
             [
                 force - loop.output
                 for force, loop in zip(predicted, self.loops.loops, strict=True)
                 if gap is None or loop.schedule_value == gap
             ]
         )
-        return {"rms_N": rms(off), "worst_N": peak_deviation(off)}
+        return {"rms_N": rms(residual), "worst_N": peak_deviation(residual)}
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures, and the loops for drawing."""
@@ -186,10 +188,11 @@ def compare_models(old: Model, new: Model, loops: Loops) -> ModelComparison:
 
 
 def _comparison_dict(loop: Loop, old: FloatArray, new: FloatArray) -> dict[str, Any]:
-    kept = thin_rows(loop.input, _COMPARED_POINTS * max(1, loop.reversals // 2))
+    indices = thin_rows(loop.input, _COMPARED_POINTS * max(1, loop.reversals // 2))
     columns = {"current": loop.input, "force": loop.output, "old": old, "new": new}
     rounded = {
-        name: [float(f"{value:.5g}") for value in values[kept]] for name, values in columns.items()
+        name: [float(f"{value:.5g}") for value in values[indices]]
+        for name, values in columns.items()
     }
     return {"label": loop.label, **rounded}
 
@@ -232,11 +235,11 @@ def measure_loops(
         excitation = measure_on_board(specimen, bench, progress)
     write_excitation(excitation, prepared.rig, folder / LOOPS_FILE)
     played = excitation.drive_history
-    every = max(1, played.time.size // _MAX_DRIVE_POINTS)
+    interval = max(1, played.time.size // _MAX_DRIVE_POINTS)
     columns = {"time": played.time, "current": played.current, "warmth": played.warmth}
     return {
         **excitation.as_dict(),
-        "played": {name: values[::every].tolist() for name, values in columns.items()},
+        "played": {name: values[::interval].tolist() for name, values in columns.items()},
     }
 
 

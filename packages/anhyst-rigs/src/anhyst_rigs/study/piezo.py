@@ -103,12 +103,12 @@ class PiezoTracking(StudyResult):
     @cached_property
     def errors(self) -> Mapping[str, Mapping[str, float]]:
         """Deviations by compensation, in the figures of :data:`DEVIATION_METRICS`."""
-        judged = {
+        deviations = {
             name: run["error_m"][self.first_evaluated_tick :] for name, run in self.runs.items()
         }
         return {
-            name: {"worst_m": peak_deviation(one), "rms_m": rms(one)}
-            for name, one in judged.items()
+            name: {"worst_m": peak_deviation(deviation), "rms_m": rms(deviation)}
+            for name, deviation in deviations.items()
         }
 
     @property
@@ -140,14 +140,16 @@ class PiezoTracking(StudyResult):
     def facts(self) -> dict[str, str]:
         """Return the deviation with every compensation as text."""
         facts = {
-            name: f"worst {1e9 * one['worst_m']:.0f} nm, rms {1e9 * one['rms_m']:.0f} nm"
-            for name, one in self.errors.items()
+            name: f"worst {1e9 * errors['worst_m']:.0f} nm, rms {1e9 * errors['rms_m']:.0f} nm"
+            for name, errors in self.errors.items()
         }
         return facts | self.losses_fact()
 
     def to_columns(self) -> dict[str, Any]:
         """Return the deviation with every compensation, m."""
-        return rows_to_columns([{"compensation": name, **one} for name, one in self.errors.items()])
+        return rows_to_columns(
+            [{"compensation": name, **errors} for name, errors in self.errors.items()]
+        )
 
     def draw(self, ax: Axes) -> None:
         """Draw the deviation with every compensation over time."""
@@ -158,8 +160,8 @@ class PiezoTracking(StudyResult):
 
     def save(self, path: PathLike) -> Path:
         """Write time, reference and signals of each compensation, and ``figures.json``."""
-        first = next(iter(self.runs.values()))
-        columns = {name: first[name] for name in ("t_s", "reference_m")}
+        first_run = next(iter(self.runs.values()))
+        columns = {name: first_run[name] for name in ("t_s", "reference_m")}
         for name, run in self.runs.items():
             key = name.replace("-", "_")
             columns |= {
@@ -182,9 +184,9 @@ class PiezoTracking(StudyResult):
 
 def simulate_tracking(rig: PiezoRig) -> PiezoTracking:
     """Identify and compile all inverses, and follow the triangle with each."""
-    target, ways = make_reference(rig), find_inverses(rig)
+    target, inverses = make_reference(rig), find_inverses(rig)
     return PiezoTracking(
-        rig, {name: follow_reference(rig, target, way) for name, way in ways.items()}
+        rig, {name: follow_reference(rig, target, inverse) for name, inverse in inverses.items()}
     )
 
 
@@ -204,11 +206,11 @@ def find_inverses(rig: PiezoRig, loops: Loops | None = None) -> dict[str, ForceC
     loops = loops or measure_stage_loops(rig)
     model = require_complete(identify(loops)).model
     target = make_reference(rig)
-    top = float(loops.loops[0].output.max())
-    if target.max() > top:
+    max_displacement_m = float(loops.loops[0].output.max())
+    if target.max() > max_displacement_m:
         raise InputError(
             f"{rig.path}: case: the triangle reaches {1e6 * target.max():.3g} um, the stack "
-            f"{1e6 * top:.3g} um; lower low_m or stroke_m",
+            f"{1e6 * max_displacement_m:.3g} um; lower low_m or stroke_m",
             code="reference-too-far",
             key="case",
         )
@@ -221,35 +223,37 @@ def find_inverses(rig: PiezoRig, loops: Loops | None = None) -> dict[str, ForceC
 
 def measure_stage_loops(rig: PiezoRig) -> Loops:
     """Measure loops of the virtual stage with its sensor, from a long rest at 0 V."""
-    top = rig.settings.stack_amplifier.high_V
-    pace = 2.0 * top / LOOP_PERIOD_S
-    points = top * np.array(
+    max_voltage = rig.settings.stack_amplifier.high_V
+    rate_V_per_s = 2.0 * max_voltage / LOOP_PERIOD_S
+    points = max_voltage * np.array(
         [0.0, *(end for low, high in LOOP_RANGES for end in (low, high, low)), 0.0]
     )
-    when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
-    time = np.arange(0.0, when[-1], LOOP_SAMPLE_S)
-    drive = np.interp(time, when, points)
-    read = measure_stack_displacement(rig, drive, LOOP_SAMPLE_S, NOISE_SEED)
-    loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
+    point_times = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / rate_V_per_s)])
+    time = np.arange(0.0, point_times[-1], LOOP_SAMPLE_S)
+    drive = np.interp(time, point_times, points)
+    displacement = measure_stack_displacement(rig, drive, LOOP_SAMPLE_S, NOISE_SEED)
+    loop = Loop("loops", drive, displacement, None, time, History.parse("conditioned:0"))
     return Loops((loop,), QUANTITIES["voltage"], QUANTITIES["displacement"])
 
 
 def make_reference(rig: PiezoRig) -> FloatArray:
     """Return the triangle with rounded corners, from rest at its low end, m."""
-    want, rate = rig.settings.displacement_case, rig.settings.timing.rate_Hz
-    ticks = round(want.cycles * rate / want.frequency_Hz)
-    raw = want.low_m + want.stroke_m * triangle_wave(
-        np.arange(ticks, dtype=np.float64) * want.frequency_Hz / rate
+    triangle_case, rate = rig.settings.displacement_case, rig.settings.timing.rate_Hz
+    ticks = round(triangle_case.cycles * rate / triangle_case.frequency_Hz)
+    displacement = triangle_case.low_m + triangle_case.stroke_m * triangle_wave(
+        np.arange(ticks, dtype=np.float64) * triangle_case.frequency_Hz / rate
     )
-    return round_corners(np.concatenate([np.full(rig.corner_ticks, raw[0]), raw]), rig.corner_ticks)
+    return round_corners(
+        np.concatenate([np.full(rig.corner_ticks, displacement[0]), displacement]), rig.corner_ticks
+    )
 
 
 def _constant_inverse(loops: Loops, rig: PiezoRig) -> ForceController:
-    drive, answer = (np.concatenate([getattr(loop, name) for loop in loops.loops])
+    drive, displacement = (np.concatenate([getattr(loop, name) for loop in loops.loops])
                      for name in ("input", "output"))  # fmt: skip
-    slope, offset = np.polyfit(answer, drive, 1)
+    slope, offset = np.polyfit(displacement, drive, 1)
     return _make_curve_inverse(
-        rig, np.polynomial.Polynomial([offset, slope]), float(answer.max()), 1
+        rig, np.polynomial.Polynomial([offset, slope]), float(displacement.max()), 1
     )
 
 
@@ -261,13 +265,13 @@ def _single_valued_inverse(loops: Loops, rig: PiezoRig) -> ForceController:
 
 
 def _make_curve_inverse(
-    rig: PiezoRig, curve: np.polynomial.Polynomial, top: float, segments: int
+    rig: PiezoRig, curve: np.polynomial.Polynomial, max_displacement_m: float, segments: int
 ) -> ForceController:
     """Return a curve over displacements of 0 to a maximum (m) as a monotone table."""
-    row = np.maximum.accumulate(curve(np.linspace(0.0, top, segments + 1)))
+    voltages = np.maximum.accumulate(curve(np.linspace(0.0, max_displacement_m, segments + 1)))
     amplifier = rig.settings.stack_amplifier
-    scales = Scales(top, amplifier.high_V, 0.0, 1.0)
-    curves = CurrentMap(np.array([row, row]), scales, (amplifier.low_V, amplifier.high_V))
+    scales = Scales(max_displacement_m, amplifier.high_V, 0.0, 1.0)
+    curves = CurrentMap(np.array([voltages, voltages]), scales, (amplifier.low_V, amplifier.high_V))
     return ForceController("ratio" if segments == 1 else "single-valued", "f64", curves)
 
 

@@ -75,8 +75,8 @@ class PreparedBearing:
 
     def open_with_learner(self) -> tuple[BearingBench, BearingCalibrator]:
         """Return the opened bench, and the online calibration from its motions."""
-        bench, known = self.open(), IdentifiedMagnet(self.measured_loops, self.model)
-        return bench, BearingCalibrator(self.setup, known, self.compile_words, bench)
+        bench, knowledge = self.open(), IdentifiedMagnet(self.measured_loops, self.model)
+        return bench, BearingCalibrator(self.setup, knowledge, self.compile_words, bench)
 
     def specimen(self) -> Specimen:
         """Return the magnet for a measurement with the armature held."""
@@ -95,9 +95,12 @@ class PreparedBearing:
                 f"the controller runs without a model ('{variant}'): none to change",
                 code="no-model",
             )
-        table, scales = self.setup.controller, running.scales
+        controller_table, scales = self.setup.controller, running.scales
         gaps = scales.gap_low, scales.gap_high
-        current, force = table.limits.current_high_A, table.force_max(pair_table(self.setup.rig))
+        current, force = (
+            controller_table.limits.current_high_A,
+            controller_table.force_max(pair_table(self.setup.rig)),
+        )
         if model.valid is not None and current > MAX_CURRENT_RATIO * model.valid.input[1]:
             raise InputError(
                 f"model: was seen up to {model.valid.input[1]:g} A, the controller drives up to "
@@ -106,11 +109,11 @@ class PreparedBearing:
                 key="model",
             )
         request = CompileRequest(
-            "simplified" if variant == "simplified" else "full", "q31", table.rate_Hz
+            "simplified" if variant == "simplified" else "full", "q31", controller_table.rate_Hz
         )
-        followed = _adapt_to_board(model, self.model, request.kind)
-        narrowed = restrict_model(followed, (0.0, current), (0.0, force), gaps)
-        return make_plan(narrowed, request, 0, scales=scales)
+        board_model = _adapt_to_board(model, self.model, request.kind)
+        bounded_model = restrict_model(board_model, (0.0, current), (0.0, force), gaps)
+        return make_plan(bounded_model, request, 0, scales=scales)
 
     def compile_words(self, model: Model) -> list[int]:
         """Compile another model to a parameter block for the running board."""
@@ -182,8 +185,10 @@ class PreparedForce(ForceRig):
         request = CompileRequest(
             self.program.kind, "q31", self.complete_rig.settings.timing.rate_Hz
         )
-        followed = _adapt_to_board(model, self.model, request.kind)
-        return _make_force_plan(followed, request, self.program.scales, self.program.block.limits)
+        board_model = _adapt_to_board(model, self.model, request.kind)
+        return _make_force_plan(
+            board_model, request, self.program.scales, self.program.block.limits
+        )
 
 
 @dataclass(frozen=True)
@@ -205,8 +210,8 @@ class PreparedBoard(ForceRig):
                 code="single-gap",
                 key="model",
             )
-        followed = _adapt_to_board(model, self.model, self.request.kind)
-        return _make_force_plan(followed, self.request, self.scales, self.limits)
+        board_model = _adapt_to_board(model, self.model, self.request.kind)
+        return _make_force_plan(board_model, self.request, self.scales, self.limits)
 
 
 @dataclass(frozen=True)
@@ -296,8 +301,10 @@ def _make_force_plan(
     return make_plan(replace(model, valid=valid), request, 0, scales=scales)
 
 
-def _intersect_ranges(seen: tuple[float, float], board: tuple[float, float]) -> tuple[float, float]:
-    return max(seen[0], board[0]), min(seen[1], board[1])
+def _intersect_ranges(
+    model_range: tuple[float, float], board_range: tuple[float, float]
+) -> tuple[float, float]:
+    return max(model_range[0], board_range[0]), min(model_range[1], board_range[1])
 
 
 def _covered_gaps(model: Model, scales: Scales) -> tuple[float, float] | None:
@@ -305,12 +312,14 @@ def _covered_gaps(model: Model, scales: Scales) -> tuple[float, float] | None:
     if not model.needs_schedule:
         return None if model.valid is None else model.valid.schedule
     low, high = scales.gap_low, scales.gap_high
-    seen = None if model.valid is None else model.valid.schedule
-    spare = _GAP_TOLERANCE * (high - low)
-    if seen is None or seen[0] > low + spare or seen[1] < high - spare:
-        known = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
+    model_gaps = None if model.valid is None else model.valid.schedule
+    tolerance = _GAP_TOLERANCE * (high - low)
+    if model_gaps is None or model_gaps[0] > low + tolerance or model_gaps[1] < high - tolerance:
+        known_text = (
+            "no gap" if model_gaps is None else f"gaps of {model_gaps[0]:g} to {model_gaps[1]:g} m"
+        )
         raise InputError(
-            f"model: holds at {known}, the board works from {low:g} to {high:g} m; measure loops "
+            f"model: holds at {known_text}, the board works from {low:g} to {high:g} m; measure loops "
             "at both ends",
             code="gaps-not-covered",
             key="model",

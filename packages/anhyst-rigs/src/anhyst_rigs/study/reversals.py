@@ -38,52 +38,68 @@ def reversal_slope_ratio(loopset: Loops) -> float | None:
     """
     even = is_even(loopset)
     reach = _REACH_WIDTHS * max(loop_width_and_height(loop, even=even)[0] for loop in loopset.loops)
-    expected: list[FloatArray] = []
-    answered: list[FloatArray] = []
+    static_changes: list[FloatArray] = []
+    measured_changes: list[FloatArray] = []
     for loops in loopset.by_schedule().values():
         curves = [fold_input(loop, even=even) for loop in loops]
-        every = np.concatenate([size for size, _ in curves])
-        answers = np.concatenate([answer for _, answer in curves])
-        low, high = (level * float(np.max(np.abs(answers))) for level in _OUTPUT_RANGE)
-        middle = average_in_bins(every, answers, _REVERSAL_BINS)
-        for size, answer in curves:
-            for before, after in itertools.pairwise(find_branches(size)):
-                if not (before.is_rising and low <= abs(answer[after.start]) <= high):
+        all_inputs = np.concatenate([input_values for input_values, _ in curves])
+        all_outputs = np.concatenate([output_values for _, output_values in curves])
+        low, high = (level * float(np.max(np.abs(all_outputs))) for level in _OUTPUT_RANGE)
+        mean_curve = average_in_bins(all_inputs, all_outputs, _REVERSAL_BINS)
+        for input_values, output_values in curves:
+            for branch, next_branch in itertools.pairwise(find_branches(input_values)):
+                if not (branch.is_rising and low <= abs(output_values[next_branch.start]) <= high):
                     continue
-                back, change = _changes_after_reversal(size, answer, before, after, reach)
-                expected.append(back * _local_slope(*middle, float(size[after.start])))
-                answered.append(change)
+                input_change, output_change = _changes_after_reversal(
+                    input_values, output_values, branch, next_branch, reach
+                )
+                static_changes.append(
+                    input_change * _local_slope(*mean_curve, float(input_values[next_branch.start]))
+                )
+                measured_changes.append(output_change)
     return (
-        _fit_slope_ratio(np.concatenate(expected), np.concatenate(answered)) if expected else None
+        _fit_slope_ratio(np.concatenate(static_changes), np.concatenate(measured_changes))
+        if static_changes
+        else None
     )
 
 
-def _local_slope(size: FloatArray, answer: FloatArray, at: float) -> float:
-    near = np.abs(size - at) <= _SLOPE_SPAN * float(np.ptp(size))
-    if np.count_nonzero(near) < _MIN_SAMPLES:
+def _local_slope(input_values: FloatArray, output_values: FloatArray, input_value: float) -> float:
+    is_near = np.abs(input_values - input_value) <= _SLOPE_SPAN * float(np.ptp(input_values))
+    if np.count_nonzero(is_near) < _MIN_SAMPLES:
         return 0.0
     # A parabola, so that the curvature does not bias the slope.
-    return float(np.polynomial.Polynomial.fit(size[near] - at, answer[near], 2).deriv()(0.0))
+    return float(
+        np.polynomial.Polynomial.fit(
+            input_values[is_near] - input_value, output_values[is_near], 2
+        ).deriv()(0.0)
+    )
 
 
 def _changes_after_reversal(
-    size: FloatArray, answer: FloatArray, before: Branch, after: Branch, reach: float
+    input_values: FloatArray,
+    output_values: FloatArray,
+    branch: Branch,
+    next_branch: Branch,
+    reach: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the changes of input and output just after a reversal, sample by sample."""
-    tip = after.start
-    rows = slice(max(before.start, tip + 1 - _TIP_SAMPLES), tip + 1)
-    line = np.polynomial.Polynomial.fit(np.arange(rows.stop - rows.start), answer[rows], 1)
-    end = float(line(rows.stop - rows.start - 1))
-    back = size[tip + 1 : after.stop] - size[tip]
-    beyond = np.flatnonzero(np.abs(back) > reach)
-    count = int(beyond[0]) if beyond.size else back.size
-    return back[:count], answer[tip + 1 : tip + 1 + count] - end
+    tip = next_branch.start
+    tip_rows = slice(max(branch.start, tip + 1 - _TIP_SAMPLES), tip + 1)
+    tip_line = np.polynomial.Polynomial.fit(
+        np.arange(tip_rows.stop - tip_rows.start), output_values[tip_rows], 1
+    )
+    tip_output = float(tip_line(tip_rows.stop - tip_rows.start - 1))
+    input_change = input_values[tip + 1 : next_branch.stop] - input_values[tip]
+    out_of_reach = np.flatnonzero(np.abs(input_change) > reach)
+    count = int(out_of_reach[0]) if out_of_reach.size else input_change.size
+    return input_change[:count], output_values[tip + 1 : tip + 1 + count] - tip_output
 
 
-def _fit_slope_ratio(expected: FloatArray, answered: FloatArray) -> float | None:
-    weight = float(expected @ expected)
-    if expected.size < _MIN_SAMPLES or weight == 0.0:
+def _fit_slope_ratio(static_changes: FloatArray, measured_changes: FloatArray) -> float | None:
+    weight = float(static_changes @ static_changes)
+    if static_changes.size < _MIN_SAMPLES or weight == 0.0:
         return None
-    share = float(expected @ answered) / weight
-    error = float(np.std(answered - share * expected)) / math.sqrt(weight)
-    return min(max(share, 0.0), 1.0) if error < _MAX_STANDARD_ERROR else None
+    slope_ratio = float(static_changes @ measured_changes) / weight
+    error = float(np.std(measured_changes - slope_ratio * static_changes)) / math.sqrt(weight)
+    return min(max(slope_ratio, 0.0), 1.0) if error < _MAX_STANDARD_ERROR else None

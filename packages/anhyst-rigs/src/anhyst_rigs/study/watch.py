@@ -49,9 +49,9 @@ def alarm_threshold(run_length: float, allowance: float = MIN_ALLOWANCE) -> floa
     >>> round(alarm_threshold(465.0), 1)  # tables say 5 for a mean run of 465
     4.8
     """
-    wanted = 2.0 * allowance * allowance * run_length
-    passed = brentq(lambda x: math.expm1(x) - x - wanted, 1e-9, 700.0)
-    return float(max(passed / (2.0 * allowance) - _WALK_OVERSHOOT, 0.0))
+    scaled_length = 2.0 * allowance * allowance * run_length
+    scaled_threshold = brentq(lambda x: math.expm1(x) - x - scaled_length, 1e-9, 700.0)
+    return float(max(scaled_threshold / (2.0 * allowance) - _WALK_OVERSHOOT, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,19 +71,19 @@ class Reference:
         Correlation between successive values increases the scatter of a sum, by the root of ``(1 +
         r)/(1 - r)`` for a correlation r that decays geometrically.
         """
-        rows = np.asarray(values)
-        count = rows.size
-        away = rows - rows.mean()
-        power = float(away @ away)
-        if power == 0.0:
-            return cls(float(rows.mean()), 0.0, 0.0)
+        array = np.asarray(values)
+        count = array.size
+        deviation = array - array.mean()
+        square_sum = float(deviation @ deviation)
+        if square_sum == 0.0:
+            return cls(float(array.mean()), 0.0, 0.0)
         # The term 1/count corrects the bias of short sequences.
-        alike = float(away[1:] @ away[:-1]) / power + 1.0 / count
-        alike = min(max(alike, 0.0), _MAX_CORRELATION)
-        least = 2.0 * float(gammaincinv(0.5 * (count - 1), _SCATTER_QUANTILE))
-        single = math.sqrt(power / least)
-        scatter = single * math.sqrt((1.0 + alike) / (1.0 - alike))
-        return cls(float(rows.mean()), scatter, _MEAN_ERROR_FACTOR * scatter / math.sqrt(count))
+        correlation = float(deviation[1:] @ deviation[:-1]) / square_sum + 1.0 / count
+        correlation = min(max(correlation, 0.0), _MAX_CORRELATION)
+        chi_squared_quantile = 2.0 * float(gammaincinv(0.5 * (count - 1), _SCATTER_QUANTILE))
+        single_sigma = math.sqrt(square_sum / chi_squared_quantile)
+        scatter = single_sigma * math.sqrt((1.0 + correlation) / (1.0 - correlation))
+        return cls(float(array.mean()), scatter, _MEAN_ERROR_FACTOR * scatter / math.sqrt(count))
 
 
 @dataclass(slots=True)
@@ -100,8 +100,8 @@ class CusumChart:
     @property
     def allowance(self) -> float:
         """The deviation of a value above which it increases a sum."""
-        smallest = max(MIN_ALLOWANCE * self.reference.scatter, 0.5 * self.min_shift)
-        return smallest + self.reference.mean_error
+        noise_allowance = max(MIN_ALLOWANCE * self.reference.scatter, 0.5 * self.min_shift)
+        return noise_allowance + self.reference.mean_error
 
     @property
     def limit(self) -> float:
@@ -113,14 +113,14 @@ class CusumChart:
 
     def add(self, value: float) -> tuple[float, int] | None:
         """Add a value; returns mean shift and number of values at an alarm, else None."""
-        away = value - self.reference.mean
+        deviation = value - self.reference.mean
         for side, sign in enumerate((1.0, -1.0)):
-            self._sums[side] += sign * away - self.allowance
+            self._sums[side] += sign * deviation - self.allowance
             if self._sums[side] <= 0.0:
                 self._sums[side], self._counts[side], self._shifts[side] = 0.0, 0, 0.0
                 continue
             self._counts[side] += 1
-            self._shifts[side] += away
+            self._shifts[side] += deviation
             if self._sums[side] > self.limit:
                 return self._shifts[side] / self._counts[side], self._counts[side]
         return None
@@ -168,10 +168,10 @@ class Finding:
     def text(self, rate: float) -> str:
         """Return the finding as a sentence; `rate` (Hz) converts ticks to seconds."""
         if self.drift is not None:
-            one = self.drift
+            drift = self.drift
             return (
-                f"the {one.kind} has drifted by {one.shift:+.3g} N since {one.begin_tick / rate:.1f} s "
-                f"(found at {one.found_tick / rate:.1f} s); the model leaves {self.residual:.3g} N rms instead "
+                f"the {drift.kind} has drifted by {drift.shift:+.3g} N since {drift.begin_tick / rate:.1f} s "
+                f"(found at {drift.found_tick / rate:.1f} s); the model leaves {self.residual:.3g} N rms instead "
                 f"of {self.usual_residual:.3g} N, measure again"
             )
         if self.is_learning:
@@ -211,14 +211,14 @@ class _BranchSplitter:
         if abs(current - self._extreme) <= self.reversal_size:
             return None
         total, count = self._extreme_sum
-        before = self._branch_start_sum
-        done = None
-        if before is not None and count > before[1]:
-            mean = (total - before[0]) / (count - before[1])
-            done = self._is_rising, mean, self._extreme_tick
+        branch_start = self._branch_start_sum
+        branch = None
+        if branch_start is not None and count > branch_start[1]:
+            mean = (total - branch_start[0]) / (count - branch_start[1])
+            branch = self._is_rising, mean, self._extreme_tick
         self._branch_start_sum, self._is_rising = self._extreme_sum, not self._is_rising
         self._mark_extreme(tick, current)
-        return done
+        return branch
 
     def _mark_extreme(self, tick: int, current: float) -> None:
         self._extreme, self._extreme_tick, self._extreme_sum = (
@@ -274,18 +274,20 @@ class DriftMonitor:
                 "ticks do not rise; give the chunks in their order", code="time-not-rising"
             )
         self._last_tick = int(ticks[-1])
-        left = force - self._stepper.follow(current, gap)
-        for tick, drive, rest in zip(ticks.tolist(), current.tolist(), left.tolist(), strict=True):
-            self._square_sum = self._square_sum[0] + rest * rest, self._square_sum[1] + 1
-            branch = self._splitter.add(int(tick), drive, rest)
+        residuals = force - self._stepper.follow(current, gap)
+        for tick, current_A, residual in zip(
+            ticks.tolist(), current.tolist(), residuals.tolist(), strict=True
+        ):
+            self._square_sum = self._square_sum[0] + residual * residual, self._square_sum[1] + 1
+            branch = self._splitter.add(int(tick), current_A, residual)
             if branch is not None:
                 self._add_branch(*branch)
             if self.finding.drift is not None:
                 break
         return self.finding
 
-    def _add_branch(self, rising: bool, mean: float, tick: int) -> None:
-        if rising:
+    def _add_branch(self, is_rising: bool, mean: float, tick: int) -> None:
+        if is_rising:
             self._ascending_mean = mean
         elif self._ascending_mean is not None:
             values: dict[DriftKind, float] = {
@@ -299,13 +301,13 @@ class DriftMonitor:
         self._cycle_ends.append(tick)
         self._mean_squares.append(self._square_sum[0] / self._square_sum[1])
         self._square_sum = 0.0, 0
-        drifted = None
+        drift = None
         for name, value in values.items():
             if not self._charts.get(name):
                 self._learning_values[name].append(value)
-            elif drifted is None and (alarm := self._charts[name].add(value)) is not None:
+            elif drift is None and (alarm := self._charts[name].add(value)) is not None:
                 shift, count = alarm
-                drifted = DetectedDrift(name, shift, self._cycle_ends[-1 - count], tick)
+                drift = DetectedDrift(name, shift, self._cycle_ends[-1 - count], tick)
         if not self._charts and len(self._cycle_ends) == LEARNING_CYCLES + 1:
             # The first cycle deletes the unknown history, so it is not used.
             assert self.min_drift is not None
@@ -315,11 +317,13 @@ class DriftMonitor:
                 )
                 for name, rows in self._learning_values.items()
             }
-        usual = float(
+        usual_residual = float(
             np.sqrt(np.mean(self._mean_squares[1 : LEARNING_CYCLES + 1] or self._mean_squares))
         )
-        left = float(np.sqrt(self._mean_squares[-1]))
-        self.finding = Finding(len(self._cycle_ends), not self._charts, drifted, usual, left)
+        last_residual = float(np.sqrt(self._mean_squares[-1]))
+        self.finding = Finding(
+            len(self._cycle_ends), not self._charts, drift, usual_residual, last_residual
+        )
 
 
 @dataclass(frozen=True)
@@ -368,9 +372,9 @@ def watch_recording(
     (run,) = recording.loops
     if run.time is None or run.schedule is None:
         raise InputError("a recording needs columns t_s and gap_m", code="columns-missing")
-    watched = DriftMonitor(
+    monitor = DriftMonitor(
         model, float(run.schedule[0]), run.history, run_length=run_length, min_drift=least
     )
     ticks = np.arange(run.n, dtype=np.float64)
-    found = watched.add_samples(ticks, run.input, run.schedule, run.output)
-    return WatchResult(found, (run.n - 1) / float(run.time[-1] - run.time[0]))
+    finding = monitor.add_samples(ticks, run.input, run.schedule, run.output)
+    return WatchResult(finding, (run.n - 1) / float(run.time[-1] - run.time[0]))

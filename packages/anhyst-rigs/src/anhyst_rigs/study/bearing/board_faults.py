@@ -89,61 +89,64 @@ def _replace_readings(
     """Replace sensor readings for some ticks by numbers or by functions of the sample."""
 
     def change(sample: PlantSample) -> PlantSample:
-        numbers = {name: one(sample) if callable(one) else one for name, one in readings.items()}
-        return replace(sample, **numbers)
+        changed = {
+            name: reading(sample) if callable(reading) else reading
+            for name, reading in readings.items()
+        }
+        return replace(sample, **changed)
 
-    def act(running: BearingBench, n: int) -> bool:
-        running.tap.change_sample = change if n < ticks else None
+    def act(bench: BearingBench, tick: int) -> bool:
+        bench.tap.change_sample = change if tick < ticks else None
         return True
 
     return act
 
 
-def _freeze_position(running: BearingBench, n: int) -> bool:
+def _freeze_position(bench: BearingBench, tick: int) -> bool:
     """Freeze the position sensor, and step the target."""
-    if n == 0:
-        running.demand(running.gap + _STEP_M)
-        last: list[PlantSample] = []
+    if tick == 0:
+        bench.demand(bench.gap + _STEP_M)
+        samples: list[PlantSample] = []
 
         def frozen(sample: PlantSample) -> PlantSample:
-            last.append(sample)
-            return replace(sample, position=last[0].position)
+            samples.append(sample)
+            return replace(sample, position=samples[0].position)
 
-        running.tap.change_sample = frozen
+        bench.tap.change_sample = frozen
     return True
 
 
-def _miss_ticks(running: BearingBench, n: int) -> bool:
+def _miss_ticks(bench: BearingBench, tick: int) -> bool:
     """Let the controller miss five ticks in a row."""
-    if n == 0:
-        running.tap.ticks_to_skip = 5
-        running.advance(5)
+    if tick == 0:
+        bench.tap.ticks_to_skip = 5
+        bench.advance(5)
     return True
 
 
-def _sag_supply(running: BearingBench, n: int) -> bool:
+def _sag_supply(bench: BearingBench, tick: int) -> bool:
     """Reduce the supply; the board reports it after 1 ms."""
-    if n == 0:
-        running.bearing.supply *= _SAG_RATIO
-    if n == round(1e-3 * running.rate):
-        running.tap.change_sample = lambda sample: replace(sample, status=_SUPPLY_BIT)
+    if tick == 0:
+        bench.bearing.supply *= _SAG_RATIO
+    if tick == round(1e-3 * bench.rate):
+        bench.tap.change_sample = lambda sample: replace(sample, status=_SUPPLY_BIT)
     return True
 
 
-def _command_stop(running: BearingBench, n: int) -> bool:
-    if n == 0:
-        running.command(Command.STOP)
+def _command_stop(bench: BearingBench, tick: int) -> bool:
+    if tick == 0:
+        bench.command(Command.STOP)
     return True
 
 
-def _send_bad_blocks(running: BearingBench, n: int) -> bool:
+def _send_bad_blocks(bench: BearingBench, tick: int) -> bool:
     """Send a block with a wrong checksum, and one with invalid words and a correct checksum."""
-    if n == 0:
-        words = running.link.read_block()
+    if tick == 0:
+        words = bench.link.read_block()
         words[2] ^= 0x40
         for broken in (words, set_generation(words, 7)):
             try:
-                running.link.write_block(broken)
+                bench.link.write_block(broken)
             except RequestRefusedError:
                 continue
             raise NegativeResult(
@@ -152,17 +155,17 @@ def _send_bad_blocks(running: BearingBench, n: int) -> bool:
     return True
 
 
-def _swap_block(running: BearingBench, n: int) -> bool:
+def _swap_block(bench: BearingBench, tick: int) -> bool:
     """Swap in the same parameters as another generation."""
-    if n == 0:
-        running.link.write_block(set_generation(running.link.read_block(), 9))
+    if tick == 0:
+        bench.link.write_block(set_generation(bench.link.read_block(), 9))
     return True
 
 
-def _apply_overload(running: BearingBench, n: int) -> bool:
+def _apply_overload(bench: BearingBench, tick: int) -> bool:
     """Apply a load above the largest force for 100 ms."""
-    if n in (0, round(_OVERLOAD_S * running.rate)):
-        running.load(1.2 * running.max_load if n == 0 else running.rest_load)
+    if tick in (0, round(_OVERLOAD_S * bench.rate)):
+        bench.load(1.2 * bench.max_load if tick == 0 else bench.rest_load)
     return True
 
 
@@ -171,14 +174,16 @@ def fault_injections() -> Iterator[FaultInjection]:
     yield FaultInjection(
         "three samples missing", Fault.NONE, _replace_readings(3, status=_NO_SAMPLE_BIT)
     )
-    missing = Fault.POSITION_MISSING
-    yield FaultInjection("no samples any more", missing, _replace_readings(status=_NO_SAMPLE_BIT))
+    position_missing = Fault.POSITION_MISSING
     yield FaultInjection(
-        "samples missing for 2 ms", missing, _replace_readings(40, status=_NO_SAMPLE_BIT)
+        "no samples any more", position_missing, _replace_readings(status=_NO_SAMPLE_BIT)
     )
-    far = round(0.95 * Q31)
     yield FaultInjection(
-        "position out of range", Fault.POSITION_RANGE, _replace_readings(position=far)
+        "samples missing for 2 ms", position_missing, _replace_readings(40, status=_NO_SAMPLE_BIT)
+    )
+    code_out_of_range = round(0.95 * Q31)
+    yield FaultInjection(
+        "position out of range", Fault.POSITION_RANGE, _replace_readings(position=code_out_of_range)
     )
 
     def jumped(sample: PlantSample) -> int:
@@ -186,19 +191,24 @@ def fault_injections() -> Iterator[FaultInjection]:
 
     yield FaultInjection("position jumps", Fault.POSITION_STEP, _replace_readings(position=jumped))
     yield FaultInjection("position frozen, target stepped", Fault.POSITION_STUCK, _freeze_position)
-    broken, far = _replace_readings(current=_SENSOR_ERROR_CODE), round(1.9 * Q30)
-    yield FaultInjection("current sensor's error code", Fault.CURRENT_RESERVED, broken)
-    yield FaultInjection(
-        "current out of range", Fault.CURRENT_RANGE, _replace_readings(current=far)
+    error_code_action, code_out_of_range = (
+        _replace_readings(current=_SENSOR_ERROR_CODE),
+        round(1.9 * Q30),
     )
-    other, turned = (
+    yield FaultInjection("current sensor's error code", Fault.CURRENT_RESERVED, error_code_action)
+    yield FaultInjection(
+        "current out of range", Fault.CURRENT_RANGE, _replace_readings(current=code_out_of_range)
+    )
+    current_mismatch, inverted_current = (
         Fault.CURRENT_MISMATCH,
         _replace_readings(current=lambda sample: -sample.current),
     )
-    yield FaultInjection("current sensor disconnected", other, _replace_readings(current=0))
-    yield FaultInjection("current read with the wrong sign", other, turned)
+    yield FaultInjection(
+        "current sensor disconnected", current_mismatch, _replace_readings(current=0)
+    )
+    yield FaultInjection("current read with the wrong sign", current_mismatch, inverted_current)
     yield FaultInjection("five ticks missed", Fault.MISSED_TICK, _miss_ticks)
-    yield FaultInjection("link lost", Fault.LINK_LOST, lambda running, n: False)
+    yield FaultInjection("link lost", Fault.LINK_LOST, lambda bench, tick: False)
     yield FaultInjection("command stop", Fault.STOPPED, _command_stop)
     yield FaultInjection(
         "emergency stop open", Fault.EMERGENCY_STOP, _replace_readings(status=_EMERGENCY_STOP_BIT)
@@ -231,82 +241,82 @@ class FaultRuns:
     def run(self, injection: FaultInjection) -> FaultOutcome:
         """Run one fault while the armature is levitated."""
         self._lift_to_hover()
-        ending = self._monitor(injection)
-        self._recover(ending)
-        return ending
+        outcome = self._monitor(injection)
+        self._recover(outcome)
+        return outcome
 
     def _ticks(self, seconds: float) -> int:
         return round(seconds * self.running.rate)
 
     def _lift_to_hover(self) -> None:
         """Lift off; after the first fault the controller continues with its hysteresis state."""
-        running = self.running
-        running.load(running.rest_load)
-        if running.state is not State.READY:
-            running.advance(self._ticks(0.005))
-            running.command(Command.DEMAGNETISED if self._is_first else Command.ARM)
+        bench = self.running
+        bench.load(bench.rest_load)
+        if bench.state is not State.READY:
+            bench.advance(self._ticks(0.005))
+            bench.command(Command.DEMAGNETISED if self._is_first else Command.ARM)
         self._is_first = False
-        running.demand(self._gap)
-        running.advance(1)
-        running.command(Command.LIFT)
-        running.advance(self._ticks(MIN_LIFT_S))
-        phase = Phase(running.link.status().codes.phase)
-        if running.state is not State.RUN or phase is not Phase.HOVER:
+        bench.demand(self._gap)
+        bench.advance(1)
+        bench.command(Command.LIFT)
+        bench.advance(self._ticks(MIN_LIFT_S))
+        phase = Phase(bench.link.status().codes.phase)
+        if bench.state is not State.RUN or phase is not Phase.HOVER:
             raise NegativeResult(
-                f"the armature does not hover before a fault: state {running.state.name.lower()}, "
-                f"phase {phase.name.lower()}, fault {running.fault.name.lower()}",
+                f"the armature does not hover before a fault: state {bench.state.name.lower()}, "
+                f"phase {phase.name.lower()}, fault {bench.fault.name.lower()}",
                 code="does-not-hover",
             )
 
     def _monitor(self, injection: FaultInjection) -> FaultOutcome:
-        running, body = self.running, self.setup.rig.settings.body
-        begin, still = running.gap, 0
-        rest_speed = magnet_speed = away = 0.0
-        inside, speed = True, 0.0
+        bench, body = self.running, self.setup.rig.settings.body
+        begin_gap, rest_ticks = bench.gap, 0
+        rest_speed = magnet_speed = max_deviation = 0.0
+        is_free, speed = True, 0.0
         seconds = math.nan
-        for n in range(
+        for tick in range(
             self._ticks(_HOVER_CHECK_S if injection.expected_fault is Fault.NONE else _MAX_FALL_S)
         ):
-            running.sends_heartbeat = injection.action(running, n)
-            now = running.step()
-            gap = now["gap"]
-            rests = gap >= body.stop_high_m
-            outside = rests or gap <= body.stop_low_m
-            if inside and rests:
+            bench.sends_heartbeat = injection.action(bench, tick)
+            signals = bench.step()
+            gap = signals["gap"]
+            is_on_rest = gap >= body.stop_high_m
+            is_on_stop = is_on_rest or gap <= body.stop_low_m
+            if is_free and is_on_rest:
                 rest_speed = rest_speed or speed
-            elif inside and outside:
+            elif is_free and is_on_stop:
                 magnet_speed = magnet_speed or speed
-            inside, speed = not outside, abs(now["velocity"])
-            away = max(away, abs(gap - begin))
-            still = still + 1 if outside and not _has_current(now) else 0
-            if still >= _REST_S * running.rate:
-                seconds = n / running.rate - _REST_S
+            is_free, speed = not is_on_stop, abs(signals["velocity"])
+            max_deviation = max(max_deviation, abs(gap - begin_gap))
+            rest_ticks = rest_ticks + 1 if is_on_stop and not _has_current(signals) else 0
+            if rest_ticks >= _REST_S * bench.rate:
+                seconds = tick / bench.rate - _REST_S
                 break
-        running.sends_heartbeat = True
-        levitates = running.state is State.RUN
-        away = away if levitates else math.nan
+        bench.sends_heartbeat = True
+        levitates = bench.state is State.RUN
+        max_deviation = max_deviation if levitates else math.nan
         return FaultOutcome(
-            injection, running.fault, levitates, seconds, rest_speed, magnet_speed, away
+            injection, bench.fault, levitates, seconds, rest_speed, magnet_speed, max_deviation
         )
 
-    def _recover(self, ending: FaultOutcome) -> None:
+    def _recover(self, outcome: FaultOutcome) -> None:
         """Remove the fault, and clear it in the controller or land."""
-        running = self.running
-        running.tap.change_sample = None
-        running.load(running.rest_load)
-        running.bearing.supply = self._supply
-        if ending.is_levitating:
-            running.command(Command.LAND)
+        bench = self.running
+        bench.tap.change_sample = None
+        bench.load(bench.rest_load)
+        bench.bearing.supply = self._supply
+        if outcome.is_levitating:
+            bench.command(Command.LAND)
         for _ in range(self._ticks(_MAX_FALL_S)):
-            now = running.step()
-            if running.state is not State.RUN and not _has_current(now):
+            signals = bench.step()
+            if bench.state is not State.RUN and not _has_current(signals):
                 break
-        running.advance(self._ticks(0.05))
-        if running.state is State.FAULT:
-            running.command(Command.CLEAR)
-            running.advance(1)
+        bench.advance(self._ticks(0.05))
+        if bench.state is State.FAULT:
+            bench.command(Command.CLEAR)
+            bench.advance(1)
 
 
-def _has_current(now: Mapping[str, float]) -> bool:
+def _has_current(signals: Mapping[str, float]) -> bool:
     """Whether any current is commanded."""
-    return any(value for name, value in now.items() if name.startswith("command"))
+    return any(value for name, value in signals.items() if name.startswith("command"))

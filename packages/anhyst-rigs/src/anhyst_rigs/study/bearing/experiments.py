@@ -68,28 +68,32 @@ def find_limit_cycle(
     variance = float(np.mean(y**2))
     if variance <= 0.5 * min_amplitude**2:
         return None
-    tick = float(t[-1] - t[0]) / (len(t) - 1)
-    for frequency in _peak_frequencies(y, tick):
-        amplitudes = _amplitudes(y, tick, frequency)
+    tick_s = float(t[-1] - t[0]) / (len(t) - 1)
+    for frequency in _peak_frequencies(y, tick_s):
+        amplitudes = _amplitudes(y, tick_s, frequency)
         power = float(np.mean(np.abs(amplitudes) ** 2))
-        share = 0.5 * power / variance
-        if share < _MIN_VARIANCE_SHARE or math.sqrt(power) < min_amplitude:
+        variance_share = 0.5 * power / variance
+        if variance_share < _MIN_VARIANCE_SHARE or math.sqrt(power) < min_amplitude:
             continue
         if _has_constant_phase(amplitudes, len(y)) or _has_constant_amplitude(amplitudes):
-            return LimitCycle(math.sqrt(power), 1.0 / frequency, min(1.0, share))
+            return LimitCycle(math.sqrt(power), 1.0 / frequency, min(1.0, variance_share))
     return None
 
 
-def _peak_frequencies(y: FloatArray, tick: float) -> list[float]:
+def _peak_frequencies(y: FloatArray, tick_s: float) -> list[float]:
     """Return the frequencies of the strongest oscillations, strongest first, Hz."""
     length = _PADDING_FACTOR * len(y)
     power = np.abs(np.fft.rfft(y * np.hanning(len(y)), length)) ** 2
-    first = math.ceil(min_detectable_frequency(len(y) * tick) * length * tick)
-    tops = first + _select_distant_peaks(power[first:], 2 * _PADDING_FACTOR)
-    below, top, above = (np.log(power[tops + i] + np.finfo(float).tiny) for i in (-1, 0, 1))
-    bend = below - 2.0 * top + above
-    shift = np.divide(0.5 * (below - above), bend, out=np.zeros_like(top), where=bend < 0.0)
-    return [float(f) for f in (tops + shift) / (length * tick)]
+    first_bin = math.ceil(min_detectable_frequency(len(y) * tick_s) * length * tick_s)
+    peak_bins = first_bin + _select_distant_peaks(power[first_bin:], 2 * _PADDING_FACTOR)
+    left_log, peak_log, right_log = (
+        np.log(power[peak_bins + i] + np.finfo(float).tiny) for i in (-1, 0, 1)
+    )
+    curvature = left_log - 2.0 * peak_log + right_log
+    shift = np.divide(
+        0.5 * (left_log - right_log), curvature, out=np.zeros_like(peak_log), where=curvature < 0.0
+    )
+    return [float(f) for f in (peak_bins + shift) / (length * tick_s)]
 
 
 def _select_distant_peaks(power: FloatArray, distance: int) -> NDArray[np.intp]:
@@ -105,13 +109,13 @@ def _select_distant_peaks(power: FloatArray, distance: int) -> NDArray[np.intp]:
     return np.array(chosen, dtype=np.intp)
 
 
-def _amplitudes(y: FloatArray, tick: float, frequency: float) -> NDArray[np.complex128]:
+def _amplitudes(y: FloatArray, tick_s: float, frequency: float) -> NDArray[np.complex128]:
     """Return the complex amplitude of an oscillation in every piece."""
-    length = round(_PERIODS_PER_PIECE / (frequency * tick))
+    length = round(_PERIODS_PER_PIECE / (frequency * tick_s))
     count = len(y) // length
     window = np.hanning(length)
-    turn = np.exp(-2j * np.pi * frequency * tick * np.arange(count * length))
-    pieces = (y[: count * length] * turn).reshape(count, length)
+    rotation = np.exp(-2j * np.pi * frequency * tick_s * np.arange(count * length))
+    pieces = (y[: count * length] * rotation).reshape(count, length)
     return np.asarray(2.0 * (pieces @ window) / np.sum(window))
 
 
@@ -119,9 +123,9 @@ def _has_constant_phase(amplitudes: NDArray[np.complex128], samples: int) -> boo
     """Whether the mean amplitude is too large for noise, even at the best frequency."""
     count = len(amplitudes)
     mean = complex(np.mean(amplitudes))
-    together = abs(mean) ** 2 / float(np.mean(np.abs(amplitudes) ** 2))
-    doubt = max(0.0, 1.0 - together) ** (count - 1)
-    return bool(0.5 * samples * doubt < _FALSE_ALARM_PROBABILITY)
+    coherence = abs(mean) ** 2 / float(np.mean(np.abs(amplitudes) ** 2))
+    false_alarm_probability = max(0.0, 1.0 - coherence) ** (count - 1)
+    return bool(0.5 * samples * false_alarm_probability < _FALSE_ALARM_PROBABILITY)
 
 
 def _has_constant_amplitude(amplitudes: NDArray[np.complex128]) -> bool:
@@ -130,8 +134,8 @@ def _has_constant_amplitude(amplitudes: NDArray[np.complex128]) -> bool:
     power = np.abs(amplitudes) ** 2
     if np.any(power <= 0.0):
         return False
-    unlike = math.log(float(np.mean(power))) - float(np.mean(np.log(power)))
-    moran = 2.0 * count * unlike / (1.0 + (count + 1.0) / (6.0 * count))
+    log_spread = math.log(float(np.mean(power))) - float(np.mean(np.log(power)))
+    moran = 2.0 * count * log_spread / (1.0 + (count + 1.0) / (6.0 * count))
     return bool(2 * _MAX_CANDIDATES * chdtr(count - 1, moran) < _FALSE_ALARM_PROBABILITY)
 
 
@@ -212,12 +216,12 @@ def run_variants(
 
 
 def _summarise(outcomes: Sequence[ExperimentOutcome | None]) -> ExperimentFigures:
-    held = [one for one in outcomes if one is not None]
-    looked = [one.cycles for one in held if one.cycles is not None]
-    cycles = tuple(cycle for run in looked for cycle in run)
+    successful = [outcome for outcome in outcomes if outcome is not None]
+    searched = [outcome.cycles for outcome in successful if outcome.cycles is not None]
+    cycles = tuple(cycle for run in searched for cycle in run)
     return ExperimentFigures.summarise(
-        [None if one is None else one.figures for one in outcomes],
-        cycles=cycles if looked and len(held) == len(outcomes) else None,
+        [None if outcome is None else outcome.figures for outcome in outcomes],
+        cycles=cycles if searched and len(successful) == len(outcomes) else None,
     )
 
 
@@ -237,7 +241,7 @@ class Experiments:
         """Return the content of ``figures.json``."""
 
         def rows(tried: VariantFigures) -> dict[str, Any]:
-            return {name: one.as_dict() for name, one in tried.items()}
+            return {name: figures.as_dict() for name, figures in tried.items()}
 
         return {
             "standstill": rows(self.standstill),
@@ -260,54 +264,54 @@ def run_experiments(
 ) -> Experiments:
     """Run the standstill, all trajectories and load steps of a rig file, and all events."""
 
-    def tried(work: Experiment, what: Subject = None) -> VariantFigures:
-        return run_variants(work, setups, seeds, what, next(parts))
+    def run_all(experiment: Experiment, subject: Subject = None) -> VariantFigures:
+        return run_variants(experiment, setups, seeds, subject, next(parts))
 
     return Experiments(
-        tried(run_standstill),
-        tuple((shape, tried(run_trajectory, shape)) for shape in rig.settings.trajectories),
-        tuple((force, tried(run_load_step, force)) for force in rig.settings.load_steps_N),
-        {event: tried(run_event, event) for event in EVENTS},
+        run_all(run_standstill),
+        tuple((shape, run_all(run_trajectory, shape)) for shape in rig.settings.trajectories),
+        tuple((force, run_all(run_load_step, force)) for force in rig.settings.load_steps_N),
+        {event: run_all(run_event, event) for event in EVENTS},
     )
 
 
 def plan_standstill(setup: BearingSetup) -> tuple[Scenario, int]:
     """Return a scenario of a standstill, and the tick at which the evaluation starts."""
-    script = _lift_off(setup)
-    begin = script.ticks
-    return script.hold(STANDSTILL_S).build(), begin
+    builder = _lift_off(setup)
+    begin_tick = builder.ticks
+    return builder.hold(STANDSTILL_S).build(), begin_tick
 
 
 def plan_trajectory(setup: BearingSetup, shape: TrajectoryCase) -> tuple[Scenario, int]:
     """Return a scenario of two periods of a trajectory, and the tick at which the second starts."""
     rig = setup.rig
-    period = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
-    phase = np.arange(2 * period) / period
+    period_ticks = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
+    phase = np.arange(2 * period_ticks) / period_ticks
     wave = triangle_wave(phase) if shape.kind == "triangle" else sine(phase)
-    script = _lift_off(setup)
-    script.follow(rig.settings.gap_m - shape.amplitude_m * wave)
-    return script.build(), script.ticks - period
+    builder = _lift_off(setup)
+    builder.follow(rig.settings.gap_m - shape.amplitude_m * wave)
+    return builder.build(), builder.ticks - period_ticks
 
 
 def plan_load_step(setup: BearingSetup, force: float) -> tuple[Scenario, int]:
     """Return a scenario with a load step in newtons, and its tick."""
-    script = _lift_off(setup)
-    begin = script.ticks
-    script.set_load(setup.rig.settings.load.force_N + force).hold(RECOVERY_S)
-    return script.build(), begin
+    builder = _lift_off(setup)
+    begin_tick = builder.ticks
+    builder.set_load(setup.rig.settings.load.force_N + force).hold(RECOVERY_S)
+    return builder.build(), begin_tick
 
 
 def run_standstill(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Hold a position: rms of the true gap, its mean error, and a limit cycle if there is one."""
-    part = _run_part(trial, *plan_standstill(trial.setup))
-    if part is None:
+    recording = _run_part(trial, *plan_standstill(trial.setup))
+    if recording is None:
         return None
-    gap = part["gap_m"]
-    cycle = find_limit_cycle(part["t_s"], gap)
+    gap = recording["gap_m"]
+    cycle = find_limit_cycle(recording["t_s"], gap)
     figures = {
         "rms_m": float(np.std(gap)),
         "mean_error_m": float(np.mean(gap)) - trial.setup.rig.settings.gap_m,
-        "current_rms_A": float(np.std(part["current_A"])),
+        "current_rms_A": float(np.std(recording["current_A"])),
     }
     return ExperimentOutcome(figures, () if cycle is None else (cycle,))
 
@@ -315,15 +319,15 @@ def run_standstill(trial: ExperimentTrial) -> ExperimentOutcome | None:
 def run_trajectory(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Follow a trajectory for two periods; evaluate the second."""
     assert isinstance(trial.subject, TrajectoryCase)
-    part = _run_part(trial, *plan_trajectory(trial.setup, trial.subject))
-    if part is None:
+    recording = _run_part(trial, *plan_trajectory(trial.setup, trial.subject))
+    if recording is None:
         return None
-    off = part["gap_m"] - part["reference_m"]
+    error = recording["gap_m"] - recording["reference_m"]
     return ExperimentOutcome(
         {
-            "tracking_rms_m": rms(off),
-            "tracking_peak_m": peak_deviation(off),
-            "force_error_rms_N": rms(part["force_N"] - part["demand_N"]),
+            "tracking_rms_m": rms(error),
+            "tracking_peak_m": peak_deviation(error),
+            "force_error_rms_N": rms(recording["force_N"] - recording["demand_N"]),
         }
     )
 
@@ -331,14 +335,16 @@ def run_trajectory(trial: ExperimentTrial) -> ExperimentOutcome | None:
 def run_load_step(trial: ExperimentTrial) -> ExperimentOutcome | None:
     """Apply a load step: peak of the position error (m) and recovery time (s)."""
     assert isinstance(trial.subject, float)
-    part = _run_part(trial, *plan_load_step(trial.setup, trial.subject))
-    if part is None:
+    recording = _run_part(trial, *plan_load_step(trial.setup, trial.subject))
+    if recording is None:
         return None
-    error = part["gap_m"] - part["reference_m"]
+    error = recording["gap_m"] - recording["reference_m"]
     return ExperimentOutcome(
         {
             "peak_m": peak_deviation(error),
-            "recovery_s": recovery_time(part["t_s"], error, float(part["t_s"][0]), RECOVERY_BAND_M),
+            "recovery_s": recovery_time(
+                recording["t_s"], error, float(recording["t_s"][0]), RECOVERY_BAND_M
+            ),
         }
     )
 
@@ -357,38 +363,45 @@ def run_event(trial: ExperimentTrial) -> ExperimentOutcome | None:
         return _run_overload(trial)
     if trial.subject == "wrong initial state":
         scenario = _lift_off(trial.setup).hold(RECOVERY_S).build()
-        usual, unusual = (_run(trial, scenario, largest) for largest in (False, True))
+        reference_run, event_run = (_run(trial, scenario, largest) for largest in (False, True))
         # control starts earlier with a stronger iron
         return _compare_runs(
-            trial.setup, usual, unusual, lambda run: int(np.argmax(run["state"] == RISE_CODE))
+            trial.setup,
+            reference_run,
+            event_run,
+            lambda run: int(np.argmax(run["state"] == RISE_CODE)),
         )
-    script = _lift_off(trial.setup)
-    room = script.gap - trial.setup.rig.settings.body.stop_low_m
-    scenario = script.step(script.gap - min(DROP_STEP_M, room / 2.0), RECOVERY_S).build()
-    usual, step = _run(trial, scenario), scenario.steps[0]
-    if usual[1]:
+    builder = _lift_off(trial.setup)
+    stop_distance = builder.gap - trial.setup.rig.settings.body.stop_low_m
+    scenario = builder.step(builder.gap - min(DROP_STEP_M, stop_distance / 2.0), RECOVERY_S).build()
+    reference_run, reference_step = _run(trial, scenario), scenario.steps[0]
+    if reference_run[1]:
         return None
-    speed = usual[0].slice_ticks(step.begin, step.end)["velocity_m_per_s"]
-    begin = step.begin + int(np.argmax(np.abs(speed)))
-    scenario.command[begin] |= DROP_SAMPLE_BIT
-    return _compare_runs(trial.setup, usual, _run(trial, scenario), lambda _: begin)
+    velocity = reference_run[0].slice_ticks(reference_step.begin, reference_step.end)[
+        "velocity_m_per_s"
+    ]
+    begin_tick = reference_step.begin + int(np.argmax(np.abs(velocity)))
+    scenario.command[begin_tick] |= DROP_SAMPLE_BIT
+    return _compare_runs(trial.setup, reference_run, _run(trial, scenario), lambda _: begin_tick)
 
 
 def _run_overload(trial: ExperimentTrial) -> ExperimentOutcome | None:
     rig = trial.setup.rig
-    script = _lift_off(trial.setup)
-    script.set_load(1.2 * trial.setup.controller.limits.force_high_N).hold(OVERLOAD_S)
-    script.set_load(rig.settings.load.force_N)
-    begin = script.ticks
-    scenario = script.hold(RECOVERY_S).build()
+    builder = _lift_off(trial.setup)
+    builder.set_load(1.2 * trial.setup.controller.limits.force_high_N).hold(OVERLOAD_S)
+    builder.set_load(rig.settings.load.force_N)
+    begin_tick = builder.ticks
+    scenario = builder.hold(RECOVERY_S).build()
     recording = SimulatedLoop(trial.setup, trial.seed).run(scenario)
-    part = recording.slice_ticks(begin, len(recording))
+    recovery = recording.slice_ticks(begin_tick, len(recording))
     # The armature rests on its stop when the overload ends; it must be levitated in the last third.
-    lost = levitation_loss_time(rig, part, 2 * (scenario.ticks - begin) // 3) is not None
-    if lost or len(recording) < scenario.ticks:
+    has_lost = (
+        levitation_loss_time(rig, recovery, 2 * (scenario.ticks - begin_tick) // 3) is not None
+    )
+    if has_lost or len(recording) < scenario.ticks:
         return None
-    error = part["gap_m"] - part["reference_m"]
-    seconds = recovery_time(part["t_s"], error, float(part["t_s"][0]), RECOVERY_BAND_M)
+    error = recovery["gap_m"] - recovery["reference_m"]
+    seconds = recovery_time(recovery["t_s"], error, float(recovery["t_s"][0]), RECOVERY_BAND_M)
     return ExperimentOutcome({"recovery_s": seconds})
 
 
@@ -399,23 +412,25 @@ def excess_band(rig: BodyRig, excess: FloatArray) -> float:
     a few early readings can stay further apart, because the iron follows other minor loops.
     Therefore, the band is at least four times the standard deviation of the last third.
     """
-    reading = 3.0 * position_resolution(rig)
-    return max(reading, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), MIN_EXCESS_BAND_M)
+    resolution_band = 3.0 * position_resolution(rig)
+    return max(
+        resolution_band, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), MIN_EXCESS_BAND_M
+    )
 
 
 def _compare_runs(
     setup: BearingSetup,
-    usual: tuple[Recording, bool],
-    unusual: tuple[Recording, bool],
-    begins: Callable[[Recording], int],
+    reference_run: tuple[Recording, bool],
+    event_run: tuple[Recording, bool],
+    begin_of: Callable[[Recording], int],
 ) -> ExperimentOutcome | None:
     """Compare a run with an event to one without, each from its own start."""
-    if usual[1] or unusual[1]:
+    if reference_run[1] or event_run[1]:
         return None
     errors = []
-    for recording, _ in (usual, unusual):
-        part = recording.slice_ticks(begins(recording), len(recording))
-        errors.append(part["gap_m"] - part["reference_m"])
+    for recording, _ in (reference_run, event_run):
+        compared = recording.slice_ticks(begin_of(recording), len(recording))
+        errors.append(compared["gap_m"] - compared["reference_m"])
     count = min(map(len, errors))
     excess = errors[1][:count] - errors[0][:count]
     time = setup.rig.dt * np.arange(count)
@@ -427,15 +442,15 @@ def _lift_off(setup: BearingSetup) -> ScenarioBuilder:
     return ScenarioBuilder(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
 
 
-def _run_part(trial: ExperimentTrial, scenario: Scenario, begin: int) -> Recording | None:
+def _run_part(trial: ExperimentTrial, scenario: Scenario, begin_tick: int) -> Recording | None:
     """Run a scenario and return its recording from a tick; None if levitation was lost."""
-    recording, lost = _run(trial, scenario)
-    return None if lost else recording.slice_ticks(begin, len(recording))
+    recording, has_lost = _run(trial, scenario)
+    return None if has_lost else recording.slice_ticks(begin_tick, len(recording))
 
 
 def _run(
     trial: ExperimentTrial, scenario: Scenario, largest_first: bool = False
 ) -> tuple[Recording, bool]:
     recording = SimulatedLoop(trial.setup, trial.seed, largest_first).run(scenario)
-    lost = levitation_loss_time(trial.setup.rig, recording, scenario.lift_end_tick) is not None
-    return recording, lost or len(recording) < scenario.ticks
+    has_lost = levitation_loss_time(trial.setup.rig, recording, scenario.lift_end_tick) is not None
+    return recording, has_lost or len(recording) < scenario.ticks

@@ -39,12 +39,12 @@ def list_bearing_files(rig_path: PathLike, controller_path: PathLike | None) -> 
 
 
 def _named_files(rig: BodyRig, controller: ControllerFile) -> list[Path]:
-    measured, of_rig = (
+    measured, rig_files = (
         rig.measured_loops,
         [rig.path, rig.model_path, rig.flux_table_path, rig.calibration_path],
     )
-    named = [*of_rig, controller.path, controller.model]
-    return [file for file in named if file is not None] + list(measured.files)
+    paths = [*rig_files, controller.path, controller.model]
+    return [file for file in paths if file is not None] + list(measured.files)
 
 
 @dataclass(frozen=True)
@@ -68,24 +68,30 @@ def check_inputs(
     rig: BodyRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()
 ) -> BearingInputs:
     """Read and check all files of a rig and a controller, before any computation."""
-    reads = _named_files(rig, controller)
+    input_files = _named_files(rig, controller)
     for path in outputs:
-        check_writable(path, input_files=reads)
-    at = None if rig.settings.magnet.has_iron_from_loops else find_operating_point(rig)
+        check_writable(path, input_files=input_files)
+    operating_point = None if rig.settings.magnet.has_iron_from_loops else find_operating_point(rig)
     check_controller(controller, rig)
     check_calibration_covers(rig, controller.settings.compensation.variant, rig.calibration_path)
     model = _controller_model(controller, rig)
     loops = rig.measured_loops.read()
     gaps = list(loops.by_schedule())
-    middle = rig.settings.gap_m
-    if not min(gaps) < middle < max(gaps):
+    operating_gap = rig.settings.gap_m
+    if not min(gaps) < operating_gap < max(gaps):
         raise InputError(
             f"{rig.measured_loops.description}: loops at gaps of {min(gaps):g} to {max(gaps):g} m, {rig.path} "
-            f"works at {middle:g} m; measure loops around it",
+            f"works at {operating_gap:g} m; measure loops around it",
             code="gaps-not-covered",
         )
-    whole = complete_rig(rig, loops)
-    return BearingInputs(whole, controller, loops, model, at or find_operating_point(whole))
+    completed_rig = complete_rig(rig, loops)
+    return BearingInputs(
+        completed_rig,
+        controller,
+        loops,
+        model,
+        operating_point or find_operating_point(completed_rig),
+    )
 
 
 def check_calibration_covers(rig: BodyRig, method: MethodName, named: Path | str | None) -> None:

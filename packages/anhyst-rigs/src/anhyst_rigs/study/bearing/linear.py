@@ -107,14 +107,14 @@ def discretise(
         return a, b, _pad_with_zeros(position, len(b))
     if math.isinf(amplifier.sensor_bandwidth) and direct != 0.0:
         raise ValueError("with eddy currents the current must be read through a lag")
-    reads = _pad_with_zeros(current, len(b))
-    a, b, current = _append_sensor_lag(a, b, reads, direct, amplifier.sensor_bandwidth)
+    sensor_row = _pad_with_zeros(current, len(b))
+    a, b, current = _append_sensor_lag(a, b, sensor_row, direct, amplifier.sensor_bandwidth)
     a, b = _discretise_with_delay(a, b, timing)
-    reads = _pad_with_zeros(current, len(b))
+    sensor_row = _pad_with_zeros(current, len(b))
     closed = np.block(
         [
-            [a - amplifier.gain * np.outer(b, reads), b[:, None]],
-            [-amplifier.integral_gain * reads[None, :], np.ones((1, 1))],
+            [a - amplifier.gain * np.outer(b, sensor_row), b[:, None]],
+            [-amplifier.integral_gain * sensor_row[None, :], np.ones((1, 1))],
         ]
     )
     reference = np.append((amplifier.feedforward + amplifier.gain) * b, amplifier.integral_gain)
@@ -127,21 +127,26 @@ def _pad_with_zeros(row: FloatArray, length: int) -> FloatArray:
 
 def voltage_matrices(bearing: LinearBearing) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Return state, input, current row and feedthrough of a bearing that is driven by a voltage."""
-    held = bearing.eddy_time / bearing.inductance
-    share = 1.0 / (1.0 + bearing.resistance * held)
-    into = np.array([0.0, 0.0, share / bearing.inductance])
-    return _motion_matrix(bearing), into, np.array([0.0, 0.0, share]), share * held
+    lag_per_inductance = bearing.eddy_time / bearing.inductance
+    voltage_share = 1.0 / (1.0 + bearing.resistance * lag_per_inductance)
+    input_vector = np.array([0.0, 0.0, voltage_share / bearing.inductance])
+    return (
+        _motion_matrix(bearing),
+        input_vector,
+        np.array([0.0, 0.0, voltage_share]),
+        voltage_share * lag_per_inductance,
+    )
 
 
 def _motion_matrix(bearing: LinearBearing) -> FloatArray:
     """Return the state matrix of position, velocity and i_m at constant voltage."""
     mass, inductance = bearing.mass, bearing.inductance
-    slowed = bearing.resistance / (inductance + bearing.resistance * bearing.eddy_time)
+    winding_rate = bearing.resistance / (inductance + bearing.resistance * bearing.eddy_time)
     return np.array(
         [
             [0.0, 1.0, 0.0],
             [bearing.k_s / mass, -bearing.damping / mass, bearing.k_i / mass],
-            [0.0, -bearing.k_i / inductance, -slowed],
+            [0.0, -bearing.k_i / inductance, -winding_rate],
         ]
     )
 
@@ -155,60 +160,63 @@ def _close_current_loop(
 ) -> tuple[FloatArray, FloatArray]:
     """Close the analogue current controller; its integral becomes the last state."""
     gain, reset = amplifier.gain, amplifier.integral_gain
-    share = 1.0 / (1.0 + gain * direct)  # the voltage changes the current immediately
-    voltage = share * np.append(-gain * current, 1.0)
-    flows = _pad_with_zeros(current, 4) + direct * voltage
-    whole = block_diag(a, 0.0) + np.outer(np.append(b, 0.0), voltage)
-    whole[3] = -reset * flows
-    reference = share * gain
-    return whole, np.append(reference * b, reset * (1.0 - direct * reference))
+    voltage_share = 1.0 / (1.0 + gain * direct)  # the voltage changes the current immediately
+    voltage = voltage_share * np.append(-gain * current, 1.0)
+    current_row = _pad_with_zeros(current, 4) + direct * voltage
+    matrix = block_diag(a, 0.0) + np.outer(np.append(b, 0.0), voltage)
+    matrix[3] = -reset * current_row
+    reference_gain = voltage_share * gain
+    return matrix, np.append(reference_gain * b, reset * (1.0 - direct * reference_gain))
 
 
 def _append_sensor_lag(
-    a: FloatArray, b: FloatArray, reads: FloatArray, direct: float, bandwidth: float
+    a: FloatArray, b: FloatArray, output: FloatArray, direct: float, bandwidth: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Append a first-order lag to an output; the lag becomes the output."""
     if math.isinf(bandwidth):
-        return a, b, reads
+        return a, b, output
     lag = 2.0 * math.pi * bandwidth
-    whole = block_diag(a, -lag)
-    whole[-1, :-1] = lag * reads
-    return whole, np.append(b, lag * direct), np.eye(len(whole))[-1]
+    matrix = block_diag(a, -lag)
+    matrix[-1, :-1] = lag * output
+    return matrix, np.append(b, lag * direct), np.eye(len(matrix))[-1]
 
 
 def _hold_matrices(a: FloatArray, b: FloatArray, seconds: float) -> tuple[FloatArray, FloatArray]:
     """Return the matrices over a time with a constant input."""
     n = len(b)
-    whole = np.zeros((n + 1, n + 1))
-    whole[:n, :n], whole[:n, n] = a, b
-    after = expm(whole * seconds)
-    return after[:n, :n], after[:n, n]
+    matrix = np.zeros((n + 1, n + 1))
+    matrix[:n, :n], matrix[:n, n] = a, b
+    transition = expm(matrix * seconds)
+    return transition[:n, :n], transition[:n, n]
 
 
 def _discretise_with_delay(
     a: FloatArray, b: FloatArray, timing: LoopTiming
 ) -> tuple[FloatArray, FloatArray]:
     """Return the matrices over a tick; the input of tick n takes effect `delay_ticks` later."""
-    tick, n = 1.0 / timing.rate, len(b)
-    waiting = math.floor(timing.delay_ticks)
-    part = timing.delay_ticks - waiting
-    over_tick, _ = _hold_matrices(a, b, tick)
-    rest, now = _hold_matrices(a, b, (1.0 - part) * tick)
-    _, begin = _hold_matrices(a, b, part * tick)
+    tick_s, n = 1.0 / timing.rate, len(b)
+    whole_ticks = math.floor(timing.delay_ticks)
+    fraction = timing.delay_ticks - whole_ticks
+    over_tick, _ = _hold_matrices(a, b, tick_s)
+    second_transition, second_input = _hold_matrices(a, b, (1.0 - fraction) * tick_s)
+    _, first_input = _hold_matrices(a, b, fraction * tick_s)
     # The rows after those of the plant hold the delayed inputs, the newest first.
-    line = waiting + (1 if part > 0.0 else 0)
-    whole, into = np.zeros((n + line, n + line)), np.zeros(n + line)
-    whole[:n, :n] = over_tick
-    if part > 0.0:
-        whole[:n, n + line - 1] = rest @ begin
-    if waiting == 0:
-        into[:n] = now
+    delay_states = whole_ticks + (1 if fraction > 0.0 else 0)
+    matrix, input_vector = (
+        np.zeros((n + delay_states, n + delay_states)),
+        np.zeros(n + delay_states),
+    )
+    matrix[:n, :n] = over_tick
+    if fraction > 0.0:
+        matrix[:n, n + delay_states - 1] = second_transition @ first_input
+    if whole_ticks == 0:
+        input_vector[:n] = second_input
     else:
-        whole[:n, n + waiting - 1] = now
-    if line > 0:
-        into[n] = 1.0
-        whole[range(n + 1, n + line), range(n, n + line - 1)] = 1.0
-    return whole, into
+        matrix[:n, n + whole_ticks - 1] = second_input
+    if delay_states > 0:
+        input_vector[n] = 1.0
+        matrix[range(n + 1, n + delay_states), range(n, n + delay_states - 1)] = 1.0
+    return matrix, input_vector
 
 
 @dataclass(frozen=True)
@@ -279,16 +287,18 @@ class LinearLoop:
     def poles(self) -> ComplexArray:
         """Poles of the closed loop in z; stable if all are inside the unit circle."""
         a, b, c = self.plant
-        own, into, out, through = _controller_matrices(self.controller)
-        share = 1.0 / self.compensation.k_i
-        direct = share * (through[1] - self.compensation.k_s)
-        closed = np.block(
+        controller_matrix, controller_input, controller_output, feedthrough = _controller_matrices(
+            self.controller
+        )
+        inverse_k_i = 1.0 / self.compensation.k_i
+        position_gain = inverse_k_i * (feedthrough[1] - self.compensation.k_s)
+        matrix = np.block(
             [
-                [a + direct * np.outer(b, c), share * np.outer(b, out)],
-                [np.outer(into[:, 1], c), own],
+                [a + position_gain * np.outer(b, c), inverse_k_i * np.outer(b, controller_output)],
+                [np.outer(controller_input[:, 1], c), controller_matrix],
             ]
         )
-        return np.asarray(np.linalg.eigvals(closed), dtype=np.complex128)
+        return np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128)
 
     @property
     def is_stable(self) -> bool:
@@ -301,8 +311,8 @@ class LinearLoop:
         return _find_margins(self)
 
     def _z(self, frequency: ArrayLike) -> ComplexArray:
-        turn = 2j * np.pi / self.timing.rate
-        return np.exp(turn * np.atleast_1d(np.asarray(frequency, dtype=float)))
+        exponent = 2j * np.pi / self.timing.rate
+        return np.exp(exponent * np.atleast_1d(np.asarray(frequency, dtype=float)))
 
 
 def _controller_matrices(
@@ -313,10 +323,10 @@ def _controller_matrices(
     # first = s (y - position), second = t (first - velocity)
     a = np.array([[1.0 - s, 0.0, 0.0], [-s * t, 1.0 - t, 0.0], [0.0, 0.0, 1.0]])
     b = np.array([[0.0, s], [0.0, s * t], [k, -k]])
-    out = np.array([d * s + e * s * t, e * t, 1.0])
-    through = np.array([weight * p, -p - d * s - e * s * t])
-    used = [d != 0.0 or e != 0.0, e != 0.0, k != 0.0]
-    return a[np.ix_(used, used)], b[used], out[used], through
+    output = np.array([d * s + e * s * t, e * t, 1.0])
+    feedthrough = np.array([weight * p, -p - d * s - e * s * t])
+    is_used = [d != 0.0 or e != 0.0, e != 0.0, k != 0.0]
+    return a[np.ix_(is_used, is_used)], b[is_used], output[is_used], feedthrough
 
 
 def _frequency_response(
@@ -325,9 +335,9 @@ def _frequency_response(
     """Return c (z - a)^-1 b for every z."""
     if len(b) == 0:
         return np.zeros(len(z), dtype=np.complex128)
-    whole = z[:, None, None] * np.eye(len(b)) - a
+    matrices = z[:, None, None] * np.eye(len(b)) - a
     return np.asarray(
-        np.linalg.solve(whole, np.broadcast_to(b[:, None], (len(z), len(b), 1)))[..., 0] @ c
+        np.linalg.solve(matrices, np.broadcast_to(b[:, None], (len(z), len(b), 1)))[..., 0] @ c
     )
 
 
@@ -341,28 +351,33 @@ def _find_margins(loop: LinearLoop) -> Margins:
         return complex(loop.loop_gain(frequency)[0])
 
     values = loop.loop_gain(grid)
-    through_axis = [
+    axis_crossings = [
         gain(f).real for f in _find_roots(lambda f: gain(f).imag, grid, values.imag)
     ] + [float(values[-1].real)]  # the loop gain is real at half the rate
-    factors = [-1.0 / x for x in through_axis if x < 0.0]
-    ones = _find_roots(lambda f: abs(gain(f)) - 1.0, grid, np.abs(values) - 1.0)
-    turned = [math.degrees(math.atan2((-gain(f)).imag, (-gain(f)).real)) for f in ones]
-    delays = [(angle % 360.0) / 360.0 / f for angle, f in zip(turned, ones, strict=True)]
-    i = int(np.argmax(np.abs(1.0 / (1.0 + values))))
-    highest = minimize_scalar(
+    factors = [-1.0 / x for x in axis_crossings if x < 0.0]
+    crossover_frequencies = _find_roots(lambda f: abs(gain(f)) - 1.0, grid, np.abs(values) - 1.0)
+    phase_margins = [
+        math.degrees(math.atan2((-gain(f)).imag, (-gain(f)).real)) for f in crossover_frequencies
+    ]
+    delays = [
+        (angle % 360.0) / 360.0 / f
+        for angle, f in zip(phase_margins, crossover_frequencies, strict=True)
+    ]
+    peak_index = int(np.argmax(np.abs(1.0 / (1.0 + values))))
+    peak_search = minimize_scalar(
         lambda f: -abs(complex(loop.sensitivity(f)[0])),
-        bounds=(grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]),
+        bounds=(grid[max(peak_index - 1, 0)], grid[min(peak_index + 1, len(grid) - 1)]),
         method="bounded",
     )
     return Margins(
         stable=loop.is_stable,
         gain_down=max((x for x in factors if x < 1.0), default=0.0),
         gain_up=min((x for x in factors if x > 1.0), default=math.inf),
-        phase=min((abs(angle) for angle in turned), default=180.0),
+        phase=min((abs(angle) for angle in phase_margins), default=180.0),
         delay=min(delays, default=math.inf),
-        crossover=max(ones, default=0.0),
-        peak=float(-highest.fun),
-        peak_frequency=float(highest.x),
+        crossover=max(crossover_frequencies, default=0.0),
+        peak=float(-peak_search.fun),
+        peak_frequency=float(peak_search.x),
     )
 
 

@@ -75,19 +75,19 @@ class BoardComparison:
     @property
     def landing_speed(self) -> float:
         """The speed at the rest after the last lift, m/s; NaN without a landing."""
-        gap, speed = self.recorded["gap_m"], np.abs(self.recorded["velocity_m_per_s"])
-        rest = self.rig.settings.body.stop_high_m
-        air = np.flatnonzero(gap < rest - _LIFTED_DISTANCE_M)
-        if not air.size:
+        gap, speeds = self.recorded["gap_m"], np.abs(self.recorded["velocity_m_per_s"])
+        rest_gap = self.rig.settings.body.stop_high_m
+        lifted_ticks = np.flatnonzero(gap < rest_gap - _LIFTED_DISTANCE_M)
+        if not lifted_ticks.size:
             return math.nan
-        down = np.flatnonzero(gap[air[-1] :] >= rest)
-        return float(speed[air[-1] + down[0] - 1]) if down.size else math.nan
+        rest_ticks = np.flatnonzero(gap[lifted_ticks[-1] :] >= rest_gap)
+        return float(speeds[lifted_ticks[-1] + rest_ticks[0] - 1]) if rest_ticks.size else math.nan
 
     @property
     def has_landed(self) -> bool:
         """Whether the run ends in the state ready without current."""
-        driven = any(self.recorded[name][-1] for name in _command_columns(self.recorded))
-        return bool(self.recorded["state"][-1] == State.READY and not driven)
+        has_current = any(self.recorded[name][-1] for name in _command_columns(self.recorded))
+        return bool(self.recorded["state"][-1] == State.READY and not has_current)
 
     def as_dict(self) -> dict[str, Any]:
         """Return all results for JSON; times and distances that do not apply are null."""
@@ -120,17 +120,19 @@ class BoardComparison:
         if not self.has_landed:
             text = "the firmware did not land the armature at the end of its run"
             raise NegativeResult(text, code="not-landed")
-        wrong = [ending.injection.name for ending in self.outcomes if not ending.is_as_expected]
-        if wrong:
-            text = f"the firmware did not notice what it should: {'; '.join(wrong)}"
+        unexpected = [
+            outcome.injection.name for outcome in self.outcomes if not outcome.is_as_expected
+        ]
+        if unexpected:
+            text = f"the firmware did not notice what it should: {'; '.join(unexpected)}"
             raise NegativeResult(text, code="faults-not-noticed")
 
 
 def count_differences(simulated: Recording, recorded: Recording) -> int:
     """Return the number of ticks at which a current differs between a run and its simulation."""
     n = min(len(simulated), len(recorded))
-    other = [recorded[name][:n] != simulated[name][:n] for name in _command_columns(simulated)]
-    return int(np.count_nonzero(np.any(other, axis=0))) + abs(len(simulated) - len(recorded))
+    differs = [recorded[name][:n] != simulated[name][:n] for name in _command_columns(simulated)]
+    return int(np.count_nonzero(np.any(differs, axis=0))) + abs(len(simulated) - len(recorded))
 
 
 def _command_columns(run: Recording) -> list[str]:
@@ -152,26 +154,26 @@ def run_board(
     if board == QEMU:
         find_qemu()
     rig, controller = read_files(rig_path, controller_path)
-    ready = check_inputs(rig, controller, (out,))
-    parts = split_progress(progress, _WORK_OF_PARTS)
+    inputs = check_inputs(rig, controller, (out,))
+    progress_parts = split_progress(progress, _WORK_OF_PARTS)
     with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
         setup, firmware = build_firmware(
-            ready.rig, controller, ready.identify_magnet(), board, Path(folder)
+            inputs.rig, controller, inputs.identify_magnet(), board, Path(folder)
         )
-        next(parts)(1, 1)
+        next(progress_parts)(1, 1)
         *scenarios, _ = plan_recorded_run(setup.rig, setup.controller)
         loop = SimulatedLoop(setup)
-        simulated = Recording.concatenate([loop.run(one) for one in scenarios])
-        reports = split_progress(next(parts), [1.0] * len(scenarios))
-        with closing(BearingBench(setup, firmware, board=board)) as running:
-            recorded = Recording.concatenate(list(map(running.run, scenarios, reports)))
-        with closing(BearingBench(setup, firmware, board=board)) as running:
-            runs, todo, endings = FaultRuns(setup, running), list(fault_injections()), []
-            report = next(parts)
-            for injection in todo:
-                endings.append(runs.run(injection))
-                report(len(endings), len(todo))
-    return BoardComparison(ready.rig, controller, board, simulated, recorded, tuple(endings))
+        simulated = Recording.concatenate([loop.run(scenario) for scenario in scenarios])
+        part_reports = split_progress(next(progress_parts), [1.0] * len(scenarios))
+        with closing(BearingBench(setup, firmware, board=board)) as bench:
+            recorded = Recording.concatenate(list(map(bench.run, scenarios, part_reports)))
+        with closing(BearingBench(setup, firmware, board=board)) as bench:
+            fault_runs, injections, outcomes = FaultRuns(setup, bench), list(fault_injections()), []
+            report_fault = next(progress_parts)
+            for injection in injections:
+                outcomes.append(fault_runs.run(injection))
+                report_fault(len(outcomes), len(injections))
+    return BoardComparison(inputs.rig, controller, board, simulated, recorded, tuple(outcomes))
 
 
 def build_firmware(
@@ -183,15 +185,17 @@ def build_firmware(
 ) -> tuple[BearingSetup, Path]:
     """Compile the controller of a rig, and build it into the firmware of a board."""
     model = folder / "model.toml"
-    table = controller.settings
-    kind = table.compensation.variant
-    if controller.model is None or rig.method_calibration(kind) is not None:
-        write_model(model_to_compile(rig, knowledge, kind), model)
+    controller_table = controller.settings
+    variant = controller_table.compensation.variant
+    if controller.model is None or rig.method_calibration(variant) is not None:
+        write_model(model_to_compile(rig, knowledge, variant), model)
     else:
         model = controller.model
-    request = CompileRequest("simplified" if kind == "simplified" else "full", "q31", table.rate_Hz)
+    request = CompileRequest(
+        "simplified" if variant == "simplified" else "full", "q31", controller_table.rate_Hz
+    )
     compiled = compile_model(model, folder / "c", request, controller.path)
-    setup = make_setups(rig, controller, knowledge, (kind,))[kind]
+    setup = make_setups(rig, controller, knowledge, (variant,))[variant]
     settings = dict(setup.position_control.settings("fixed"))
     if compiled.manifest["controller"]["settings"] != settings:
         raise InputError(

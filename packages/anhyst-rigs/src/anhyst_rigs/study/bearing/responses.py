@@ -82,33 +82,35 @@ def evaluate_step(
     time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolution: float
 ) -> StepFigures:
     """Evaluate one step: one sample of the old reference, then the hold at the new one."""
-    t, r, y = (np.asarray(row, dtype=float) for row in (time, reference, gap))
+    t, r, y = (np.asarray(signal, dtype=float) for signal in (time, reference, gap))
     if len(t) < 8 or r[0] == r[1] or np.any(r[1:] != r[1]):
         raise ValueError("the reference must step after the first sample and stay for at least 7")
     height = float(r[1] - r[0])
-    way = (y[1:] - r[0]) / height  # 0 at the old reference, 1 at the new one
-    since = t[1:] - t[1]
-    rest = y[1 + int((1.0 - _STANDSTILL_PART) * len(way)) :]
-    late = way[int((1.0 - _NOISE_PART) * len(way)) :]
+    progress = (y[1:] - r[0]) / height  # 0 at the old reference, 1 at the new one
+    elapsed = t[1:] - t[1]
+    standstill = y[1 + int((1.0 - _STANDSTILL_PART) * len(progress)) :]
+    late_progress = progress[int((1.0 - _NOISE_PART) * len(progress)) :]
     error = np.abs(y[1:] - r[1])
     return StepFigures(
-        overshoot_percent=100.0 * max(0.0, float(np.max(way)) - 1.0),
-        noise_percent=100.0 * float(np.max(np.abs(late - np.mean(late)))),
-        undershoot_percent=100.0 * max(0.0, -float(np.min(way))),
-        rise_time_s=_crossing_time(since, way, 0.9)
-        - min(_crossing_time(since, way, 0.1), since[-1]),
-        settling_time_s=_settling_time(since, error, SETTLING_BAND * abs(height)),
-        settling_in_noise_s=_settling_time(since, error, settling_band(height, resolution)),
-        steady_error_m=float(np.mean(rest)) - float(r[1]),
-        standstill_rms_m=float(np.std(rest)),
+        overshoot_percent=100.0 * max(0.0, float(np.max(progress)) - 1.0),
+        noise_percent=100.0 * float(np.max(np.abs(late_progress - np.mean(late_progress)))),
+        undershoot_percent=100.0 * max(0.0, -float(np.min(progress))),
+        rise_time_s=_crossing_time(elapsed, progress, 0.9)
+        - min(_crossing_time(elapsed, progress, 0.1), elapsed[-1]),
+        settling_time_s=_settling_time(elapsed, error, SETTLING_BAND * abs(height)),
+        settling_in_noise_s=_settling_time(elapsed, error, settling_band(height, resolution)),
+        steady_error_m=float(np.mean(standstill)) - float(r[1]),
+        standstill_rms_m=float(np.std(standstill)),
     )
 
 
 def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) -> float:
     """Return the time after a disturbance until the error stays within a band, s."""
     t = np.asarray(time, dtype=float)
-    later = t >= start
-    return _settling_time(t[later] - start, np.abs(np.asarray(error, dtype=float))[later], band)
+    is_later = t >= start
+    return _settling_time(
+        t[is_later] - start, np.abs(np.asarray(error, dtype=float))[is_later], band
+    )
 
 
 def rms_rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
@@ -116,24 +118,24 @@ def rms_rate_of_change(time: ArrayLike, current: ArrayLike) -> float:
     return rms(np.diff(np.asarray(current, float)) / np.diff(np.asarray(time, float)))
 
 
-def _crossing_time(since: FloatArray, way: FloatArray, share: float) -> float:
+def _crossing_time(elapsed: FloatArray, progress: FloatArray, share: float) -> float:
     """Return the time at which a progress is first reached, interpolated; inf if never."""
-    beyond = np.flatnonzero(way >= share)
-    if not len(beyond):
+    reached_samples = np.flatnonzero(progress >= share)
+    if not len(reached_samples):
         return math.inf
-    i = int(beyond[0])
+    i = int(reached_samples[0])
     if i == 0:
-        return float(since[0])
-    part = (share - way[i - 1]) / (way[i] - way[i - 1])
-    return float(since[i - 1] + part * (since[i] - since[i - 1]))
+        return float(elapsed[0])
+    fraction = (share - progress[i - 1]) / (progress[i] - progress[i - 1])
+    return float(elapsed[i - 1] + fraction * (elapsed[i] - elapsed[i - 1]))
 
 
-def _settling_time(since: FloatArray, error: FloatArray, band: float) -> float:
+def _settling_time(elapsed: FloatArray, error: FloatArray, band: float) -> float:
     """Return the first time from which the error stays within the band; inf if it does not."""
     first = settling_tick(error, band)
     if not first:
         return 0.0
-    return math.inf if first == len(since) else float(since[first])
+    return math.inf if first == len(elapsed) else float(elapsed[first])
 
 
 _MIN_PERIODS, _MIN_SECONDS = 5, 0.02  # minimum measuring time of each frequency
@@ -191,20 +193,22 @@ def measure_sensitivity(
     run: Callable[[FloatArray], Recording], frequencies: ArrayLike, amplitude: float, rate: float
 ) -> Sensitivity:
     """Measure the sensitivity of a loop; `run` injects a signal and returns the recording."""
-    asked_Hz = np.atleast_1d(np.asarray(frequencies, dtype=float))
-    if not (np.all(asked_Hz > 0.0) and np.all(asked_Hz < 0.5 * rate)):
+    frequencies_Hz = np.atleast_1d(np.asarray(frequencies, dtype=float))
+    if not (np.all(frequencies_Hz > 0.0) and np.all(frequencies_Hz < 0.5 * rate)):
         raise ValueError(f"frequencies must lie between 0 and {0.5 * rate:g} Hz, half the rate")
-    pieces = _plan_sweep(asked_Hz.tolist(), rate)
-    sines = [sine(one.frequency / rate * np.arange(one.end - one.begin)) for one in pieces]
+    pieces = _plan_sweep(frequencies_Hz.tolist(), rate)
+    sines = [sine(piece.frequency / rate * np.arange(piece.end - piece.begin)) for piece in pieces]
     inject = amplitude * np.concatenate(sines)  # every sine starts at zero
-    seen = run(inject)["gap_read_m"]
-    if len(seen) != len(inject):
-        raise ValueError(f"the run has {len(seen)} ticks where {len(inject)} were injected")
-    answers = [_fit_sine(seen, piece, rate) for piece in pieces]
+    position = run(inject)["gap_read_m"]
+    if len(position) != len(inject):
+        raise ValueError(f"the run has {len(position)} ticks where {len(inject)} were injected")
+    fits = [_fit_sine(position, piece, rate) for piece in pieces]
     return Sensitivity(
-        frequency=asked_Hz,
-        ratio=np.array([answer / amplitude for answer, _ in answers], dtype=np.complex128),
-        residual_ratio=np.array([rest for _, rest in answers]) / (amplitude / math.sqrt(2.0)),
+        frequency=frequencies_Hz,
+        ratio=np.array(
+            [amplitude_ratio / amplitude for amplitude_ratio, _ in fits], dtype=np.complex128
+        ),
+        residual_ratio=np.array([residual for _, residual in fits]) / (amplitude / math.sqrt(2.0)),
         amplitude=amplitude,
     )
 
@@ -214,27 +218,27 @@ def _plan_sweep(frequencies: Sequence[float], rate: float) -> list[_SinePiece]:
     pieces: list[_SinePiece] = []
     begin = 0
     for frequency in frequencies:
-        settle = math.ceil(max(_MIN_SETTLING_PERIODS / frequency, _MIN_SETTLING_S) * rate)
+        settling_ticks = math.ceil(max(_MIN_SETTLING_PERIODS / frequency, _MIN_SETTLING_S) * rate)
         periods = max(_MIN_PERIODS, math.ceil(_MIN_SECONDS * frequency))
-        first = begin + settle
-        end = first + round(periods / frequency * rate)
-        pieces.append(_SinePiece(frequency, begin, first, end))
+        measured_from = begin + settling_ticks
+        end = measured_from + round(periods / frequency * rate)
+        pieces.append(_SinePiece(frequency, begin, measured_from, end))
         begin = end
     return pieces
 
 
-def _fit_sine(seen: FloatArray, piece: _SinePiece, rate: float) -> tuple[complex, float]:
+def _fit_sine(position: FloatArray, piece: _SinePiece, rate: float) -> tuple[complex, float]:
     """Return the complex amplitude relative to the sine of a piece, and the rms of the residual."""
     ticks = np.arange(piece.measured_from, piece.end)
     phase = 2.0 * np.pi * piece.frequency / rate * (ticks - piece.begin)
     # The mean and a slow drift do not belong to the response.
     drift = np.linspace(-1.0, 1.0, len(ticks))
     basis = np.column_stack([np.sin(phase), np.cos(phase), np.ones_like(phase), drift])
-    row = seen[piece.measured_from : piece.end]
-    middle = float(np.mean(row))
-    coefficients, *_ = np.linalg.lstsq(basis, row - middle, rcond=None)
-    rest = row - middle - basis @ coefficients
-    return complex(coefficients[0], coefficients[1]), float(np.sqrt(np.mean(rest**2)))
+    measured = position[piece.measured_from : piece.end]
+    mean = float(np.mean(measured))
+    coefficients, *_ = np.linalg.lstsq(basis, measured - mean, rcond=None)
+    residual = measured - mean - basis @ coefficients
+    return complex(coefficients[0], coefficients[1]), float(np.sqrt(np.mean(residual**2)))
 
 
 OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
@@ -288,8 +292,8 @@ class StepCell(CaseFigures):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the content of ``figures.json``."""
-        where = {"gap_m": self.gap, "height_m": self.height, "load_N": self.load}
-        return {"variant": self.variant, **where, **super().as_dict()}
+        case = {"gap_m": self.gap, "height_m": self.height, "load_N": self.load}
+        return {"variant": self.variant, **case, **super().as_dict()}
 
 
 def position_resolution(rig: BodyRig) -> float:
@@ -303,21 +307,25 @@ def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
     rig = run.setup.rig
     scenario = plan_steps(rig, run.setup.controller, run.gap, run.heights, run.load)
     recording = SimulatedLoop(run.setup, run.seed).run(scenario)
-    lost = levitation_loss_time(rig, recording, scenario.lift_end_tick)
-    if lost is not None or len(recording) < scenario.ticks:
-        return [], lost if lost is not None else float(recording["t_s"][-1])
+    lost_at_s = levitation_loss_time(rig, recording, scenario.lift_end_tick)
+    if lost_at_s is not None or len(recording) < scenario.ticks:
+        return [], lost_at_s if lost_at_s is not None else float(recording["t_s"][-1])
     return [_evaluate_recorded_step(run, recording, step) for step in scenario.steps], None
 
 
 def _evaluate_recorded_step(run: StepRun, recording: Recording, step: ReferenceStep) -> StepResult:
-    part = recording.slice_ticks(step.begin - 1, step.end)
-    time, reference, gap = part["t_s"], part["reference_m"], part["gap_m"]
-    current, off = part["current_A"], gap - reference
+    step_recording = recording.slice_ticks(step.begin - 1, step.end)
+    time, reference, gap = (
+        step_recording["t_s"],
+        step_recording["reference_m"],
+        step_recording["gap_m"],
+    )
+    current, error = step_recording["current_A"], gap - reference
     figures = {
         **asdict(evaluate_step(time, reference, gap, position_resolution(run.setup.rig))),
-        "tracking_rms_m": rms(off),
-        "tracking_peak_m": peak_deviation(off),
-        "force_error_rms_N": rms(part["force_N"] - part["demand_N"]),
+        "tracking_rms_m": rms(error),
+        "tracking_peak_m": peak_deviation(error),
+        "force_error_rms_N": rms(step_recording["force_N"] - step_recording["demand_N"]),
         "current_rate_rms_A_per_s": rms_rate_of_change(time, current),
         "heat_W": run.setup.rig.settings.magnet.poles.resistance * float(np.mean(current**2)),
     }
@@ -339,23 +347,29 @@ def compare_steps(
         for setup, gap, load, seed in product(setups, gaps, loads, seeds)
     ]
     results = map_ordered(run_steps, runs, progress, jobs)
-    tried: dict[tuple[int, float, float], list[list[StepResult]]] = {}
+    steps_by_case: dict[tuple[int, float, float], list[list[StepResult]]] = {}
     for run, (steps, _) in zip(runs, results, strict=True):
-        tried.setdefault((id(run.setup), run.gap, run.load), []).append(steps)
+        steps_by_case.setdefault((id(run.setup), run.gap, run.load), []).append(steps)
     cells = []
     for setup, gap, load, height in product(setups, gaps, loads, heights):
-        mine = [merge_directions(steps, height) for steps in tried[id(setup), gap, load]]
-        where = {"variant": setup.method, "gap": gap, "height": height, "load": load}
-        cells.append(StepCell.summarise(mine, **where))
+        seed_figures = [
+            merge_directions(steps, height) for steps in steps_by_case[id(setup), gap, load]
+        ]
+        case = {"variant": setup.method, "gap": gap, "height": height, "load": load}
+        cells.append(StepCell.summarise(seed_figures, **case))
     return cells
 
 
 def merge_directions(steps: Sequence[StepResult], height: float) -> dict[str, float] | None:
     """Return the figures of steps up and down of one height together; None if there are no steps."""
-    pair = [one.figures for one in steps if math.isclose(one.height, height, rel_tol=1e-6)]
+    step_figures = [
+        step.figures for step in steps if math.isclose(step.height, height, rel_tol=1e-6)
+    ]
     return {
         name: float(
-            (max if name in _FIGURES_BY_MAXIMUM else np.mean)([figures[name] for figures in pair])
+            (max if name in _FIGURES_BY_MAXIMUM else np.mean)(
+                [figures[name] for figures in step_figures]
+            )
         )
         for name in (STEP_FIGURES if steps else ())
     } or None
@@ -382,14 +396,16 @@ def measure_loop_sensitivity(
     loop = SimulatedLoop(setup, seed)
     loop.run(ScenarioBuilder(rig, gap, load).lift_off(setup.controller).build())
 
-    def run(inject: FloatArray) -> Recording:
+    def inject_sine(inject: FloatArray) -> Recording:
         recording = loop.run(ScenarioBuilder(rig, gap, load).hold(0.0, inject).build())
         if len(recording) < inject.size or levitation_loss_time(rig, recording) is not None:
             raise _LevitationLostError
         return recording
 
     try:
-        return measure_sensitivity(run, frequencies, SWEEP_AMPLITUDE_M, rig.settings.timing.rate_Hz)
+        return measure_sensitivity(
+            inject_sine, frequencies, SWEEP_AMPLITUDE_M, rig.settings.timing.rate_Hz
+        )
     except _LevitationLostError:
         return None
 
@@ -413,45 +429,52 @@ def group_by_step(cells: Iterable[StepCell]) -> tuple[StepComparison, ...]:
     by_step: dict[tuple[float, float, float], dict[MethodName, StepCell]] = {}
     for cell in cells:
         by_step.setdefault((cell.gap, cell.load, cell.height), {})[cell.variant] = cell
-    return tuple(StepComparison(*step, mine) for step, mine in by_step.items())
+    return tuple(StepComparison(*step, variant_cells) for step, variant_cells in by_step.items())
 
 
 def compare_overshoots(
-    step: StepComparison, mine: MethodName, baseline: MethodName
+    step: StepComparison, variant: MethodName, baseline: MethodName
 ) -> ComparedFigure:
     """Compare the overshoots of two variants in a step, above the larger noise of both."""
     overshoot, noise = step.figure(OVERSHOOT), step.figure(NOISE)
-    floor = max(noise[mine].mean, noise[baseline].mean)
-    return compare("overshoot", baseline, overshoot[mine], overshoot[baseline], floor)
+    noise_floor = max(noise[variant].mean, noise[baseline].mean)
+    return compare("overshoot", baseline, overshoot[variant], overshoot[baseline], noise_floor)
 
 
 def judge_steps(steps: Sequence[StepComparison], variant: MethodName) -> Judgement:
     """Assess a variant, or the most complete hysteresis model if it uses none."""
     models = [name for name in MODEL_METHODS if any(name in step.cells for step in steps)]
-    mine = variant if variant in MODEL_METHODS or not models else models[-1]
-    if mine not in MODEL_METHODS:
+    model = variant if variant in MODEL_METHODS or not models else models[-1]
+    if model not in MODEL_METHODS:
         return Judgement("unknown", "no variant with a hysteresis model was run")
     compared = _compare_with(
-        steps, mine, [strongest_baseline(step.figure(OVERSHOOT)) for step in steps]
+        steps, model, [strongest_baseline(step.figure(OVERSHOOT)) for step in steps]
     )
     if not compared:
-        return Judgement("unknown", f"{mine} or every baseline lost levitation at every step")
-    judged = judge_against_baselines(mine, compared, "steps", BENEFICIAL_CONDITIONS["feedback"])
-    flux = _compare_with(steps, mine, ["flux"] * len(steps))
-    if not flux:
-        return judged
-    less, more = (sum(getattr(one, way) for one in flux) for way in ("is_better", "is_worse"))
-    text = f"{judged.text}; than measured flux less at {less} and more at {more}"
-    return replace(judged, text=text)
+        return Judgement("unknown", f"{model} or every baseline lost levitation at every step")
+    judgement = judge_against_baselines(model, compared, "steps", BENEFICIAL_CONDITIONS["feedback"])
+    flux_comparisons = _compare_with(steps, model, ["flux"] * len(steps))
+    if not flux_comparisons:
+        return judgement
+    less_count, more_count = (
+        sum(getattr(comparison, direction) for comparison in flux_comparisons)
+        for direction in ("is_better", "is_worse")
+    )
+    text = f"{judgement.text}; than measured flux less at {less_count} and more at {more_count}"
+    return replace(judgement, text=text)
 
 
 def _compare_with(
-    steps: Sequence[StepComparison], mine: MethodName, others: Sequence[MethodName | None]
+    steps: Sequence[StepComparison], variant: MethodName, baselines: Sequence[MethodName | None]
 ) -> list[ComparedFigure]:
     """Compare a variant with another one at each step at which both held the armature."""
     differences = [
-        compare_overshoots(step, mine, other)
-        for step, other in zip(steps, others, strict=True)
-        if other is not None and {mine, other} <= set(step.cells)
+        compare_overshoots(step, variant, baseline)
+        for step, baseline in zip(steps, baselines, strict=True)
+        if baseline is not None and {variant, baseline} <= set(step.cells)
     ]
-    return [one for one in differences if math.isfinite(one.model_value + one.baseline_value)]
+    return [
+        difference
+        for difference in differences
+        if math.isfinite(difference.model_value + difference.baseline_value)
+    ]

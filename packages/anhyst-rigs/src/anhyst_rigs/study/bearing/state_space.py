@@ -66,13 +66,15 @@ def linearise(
     if not isinstance(rig, BodyRig):
         check_path(rig, "linearise: rig", "the path of a rig file")
     library = control_library()
-    bearing = rig if isinstance(rig, BodyRig) else read_bearing(rig)
-    bearing = _at_operating_point(bearing, gap, force)
-    if bearing.settings.magnet.has_iron_from_loops:
-        bearing = complete_rig(bearing, bearing.measured_loops.read())
-    point = find_operating_point(bearing).bearing
+    bearing_rig = rig if isinstance(rig, BodyRig) else read_bearing(rig)
+    bearing_rig = _at_operating_point(bearing_rig, gap, force)
+    if bearing_rig.settings.magnet.has_iron_from_loops:
+        bearing_rig = complete_rig(bearing_rig, bearing_rig.measured_loops.read())
+    bearing_model = find_operating_point(bearing_rig).bearing
     a, b, c, d = (
-        _current_driven_matrices(point) if drive == "current" else _voltage_driven_matrices(point)
+        _current_driven_matrices(bearing_model)
+        if drive == "current"
+        else _voltage_driven_matrices(bearing_model)
     )
     names = {"inputs": [drive, "load"], "outputs": ["position", "force", "current"][: len(c)]}
     states = ["position", "velocity", "flux_current"][: len(a)]
@@ -91,16 +93,16 @@ def _at_operating_point(rig: BodyRig, gap: float | None, force: float | None) ->
     return change_rig(rig, changes)
 
 
-def _current_driven_matrices(point: LinearBearing) -> tuple[FloatArray, ...]:
-    mass = point.mass
-    a = np.array([[0.0, 1.0], [point.k_s / mass, -point.damping / mass]])
-    b = np.array([[0.0, 0.0], [point.k_i / mass, -1.0 / mass]])
-    c = np.array([[1.0, 0.0], [point.k_s, 0.0]])
-    return a, b, c, np.array([[0.0, 0.0], [point.k_i, 0.0]])
+def _current_driven_matrices(bearing: LinearBearing) -> tuple[FloatArray, ...]:
+    mass = bearing.mass
+    a = np.array([[0.0, 1.0], [bearing.k_s / mass, -bearing.damping / mass]])
+    b = np.array([[0.0, 0.0], [bearing.k_i / mass, -1.0 / mass]])
+    c = np.array([[1.0, 0.0], [bearing.k_s, 0.0]])
+    return a, b, c, np.array([[0.0, 0.0], [bearing.k_i, 0.0]])
 
 
-def _voltage_driven_matrices(point: LinearBearing) -> tuple[FloatArray, ...]:
-    a, into, current, direct = voltage_matrices(point)
-    b = np.column_stack([into, [0.0, -1.0 / point.mass, 0.0]])
-    c = np.array([[1.0, 0.0, 0.0], [point.k_s, 0.0, point.k_i], current])
-    return a, b, c, np.array([[0.0, 0.0], [0.0, 0.0], [direct, 0.0]])
+def _voltage_driven_matrices(bearing: LinearBearing) -> tuple[FloatArray, ...]:
+    a, input_vector, current, feedthrough = voltage_matrices(bearing)
+    b = np.column_stack([input_vector, [0.0, -1.0 / bearing.mass, 0.0]])
+    c = np.array([[1.0, 0.0, 0.0], [bearing.k_s, 0.0, bearing.k_i], current])
+    return a, b, c, np.array([[0.0, 0.0], [0.0, 0.0], [feedthrough, 0.0]])

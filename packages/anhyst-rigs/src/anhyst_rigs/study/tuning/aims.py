@@ -43,8 +43,10 @@ class GainFigures:
 
     def merge_worst(self, other: Self) -> Self:
         """Return the larger value of each figure."""
-        theirs = other.by_name()
-        return type(self)(**{name: max(one, theirs[name]) for name, one in self.by_name().items()})
+        other_values = other.by_name()
+        return type(self)(
+            **{name: max(value, other_values[name]) for name, value in self.by_name().items()}
+        )
 
     @property
     def cost(self) -> float:
@@ -109,8 +111,8 @@ class GainMetric(Metric):
 
 
 GAIN_METRICS: Mapping[str, GainMetric] = {
-    one.key: one
-    for one in (
+    metric.key: metric
+    for metric in (
         GainMetric("overshoot_percent", "overshoot", "%"),
         GainMetric("average_m", "moving average", "nm", 1e9),
         GainMetric("error_rms_m", "rms error", "nm", 1e9, 1),
@@ -176,18 +178,18 @@ class Aims:
         An infinite cost figure (no settling, or no moving average) is missed by 1, even without a
         limit.
         """
-        found = {
+        excess = {
             name: float(getattr(figures, name)) / limit - 1.0 for name, limit in self.limits.items()
         }
         if not math.isfinite(figures.cost):
-            found.setdefault(figures.cost_name, 1.0)
-        return {name: over for name, over in found.items() if over > 0.0}
+            excess.setdefault(figures.cost_name, 1.0)
+        return {name: value for name, value in excess.items() if value > 0.0}
 
     def cost(self, figures: GainFigures) -> float:
         """Return the cost of gains: their cost figure if they meet all aims, else more."""
-        misses = self.missed_by(figures).values()
-        if misses:
-            return MISSED_AIM_COST + sum(min(over, _MAX_RELATIVE_EXCESS) for over in misses)
+        excesses = self.missed_by(figures).values()
+        if excesses:
+            return MISSED_AIM_COST + sum(min(excess, _MAX_RELATIVE_EXCESS) for excess in excesses)
         return figures.cost
 
     def with_scaled_limits(self, factors: Mapping[str, float]) -> Aims:
@@ -202,4 +204,4 @@ F = TypeVar("F", bound=GainFigures)
 
 def merge_worst_figures(figures: Iterable[F]) -> F:
     """Return the largest value of each figure."""
-    return reduce(lambda one, other: one.merge_worst(other), figures)
+    return reduce(lambda worst, other: worst.merge_worst(other), figures)

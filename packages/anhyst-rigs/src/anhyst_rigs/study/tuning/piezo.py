@@ -83,20 +83,22 @@ class PiezoSpace(SearchBox):
     @property
     def axes(self) -> dict[str, Axis]:
         """All axes by parameter name."""
-        at, damping = self.file.flexure.resonance_Hz, self.file.flexure.damping_ratio
+        resonance_Hz, damping = self.file.flexure.resonance_Hz, self.file.flexure.damping_ratio
         rate = self.file.timing.rate_Hz
         return {
-            "bandwidth_Hz": Axis(min(at, rate) / 500.0, min(at, rate / 10.0), True),
-            "notch_Hz": Axis(0.7 * at, min(1.4 * at, 0.49 * rate), True),
+            "bandwidth_Hz": Axis(
+                min(resonance_Hz, rate) / 500.0, min(resonance_Hz, rate / 10.0), True
+            ),
+            "notch_Hz": Axis(0.7 * resonance_Hz, min(1.4 * resonance_Hz, 0.49 * rate), True),
             "notch_damping": Axis(0.3 * damping, max(30.0 * damping, 1.0), True),
             "notch_width": Axis(0.1, 3.0, True),
         }
 
     def nearest_point(self, gains: Mapping[str, float]) -> FloatArray:
         """Return the point of the box that is nearest to some gains."""
-        ends = [(gains[name], axis.low, axis.high) for name, axis in self.axes.items()]
-        parts = [math.log(one / low) / math.log(high / low) for one, low, high in ends]
-        return np.clip(parts, 0.0, 1.0)
+        bounds = [(gains[name], axis.low, axis.high) for name, axis in self.axes.items()]
+        positions = [math.log(value / low) / math.log(high / low) for value, low, high in bounds]
+        return np.clip(positions, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -112,11 +114,11 @@ class LinearPiezo:
         Each row contains values of the keys of ``[control]``. Peak and residual are the largest of
         all plants. An unstable loop has an infinite peak.
         """
-        own = np.array([self._controller_coefficients(row) for row in rows])
-        looks = [_evaluate_plant(self.file, plant, own) for plant in self.plants]
-        sizes, at, left = (np.array(one) for one in zip(*looks, strict=True))
-        worst = (np.argmax(sizes, axis=0), np.arange(len(rows)))
-        return sizes[worst], at[worst], left.max(axis=0)
+        coefficients = np.array([self._controller_coefficients(row) for row in rows])
+        results = [_evaluate_plant(self.file, plant, coefficients) for plant in self.plants]
+        peaks, frequencies, residuals = (np.array(column) for column in zip(*results, strict=True))
+        worst_index = (np.argmax(peaks, axis=0), np.arange(len(rows)))
+        return peaks[worst_index], frequencies[worst_index], residuals.max(axis=0)
 
     def _controller_coefficients(self, row: Mapping[str, float]) -> list[float]:
         """Return the gain of the integrator and the coefficients of the notch filter."""
@@ -126,17 +128,17 @@ class LinearPiezo:
 
     def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
         """Return the costs of points: the residual if the peak is permitted, else more."""
-        size, _, left = self.evaluate([space.parameters(point) for point in points])
-        over = np.clip(size / aims.peak_sensitivity - 1.0, 0.0, 100.0)
-        return np.where(over > 0.0, MISSED_AIM_COST + over, left)
+        peak, _, residual = self.evaluate([space.parameters(point) for point in points])
+        excess = np.clip(peak / aims.peak_sensitivity - 1.0, 0.0, 100.0)
+        return np.where(excess > 0.0, MISSED_AIM_COST + excess, residual)
 
     def with_doubled(self, table: str, key: str) -> LinearPiezo:
         """Return loops in which one key of all rig files has twice its value."""
-        own, *plants = (
-            one.with_changes({f"{table}.{key}": 2.0 * getattr(getattr(one, table), key)})
-            for one in (self.file, *self.plants)
+        file, *plants = (
+            file_.with_changes({f"{table}.{key}": 2.0 * getattr(getattr(file_, table), key)})
+            for file_ in (self.file, *self.plants)
         )
-        return LinearPiezo(own, tuple(plants))
+        return LinearPiezo(file, tuple(plants))
 
 
 def _plant_matrices(file: RigFile, plant: RigFile) -> tuple[FloatArray, FloatArray]:
@@ -148,51 +150,61 @@ def _plant_matrices(file: RigFile, plant: RigFile) -> tuple[FloatArray, FloatArr
     dt = 1.0 / file.timing.rate_Hz
     count = integration_steps(plant, dt)
     step, omega = dt / count, 2.0 * math.pi * plant.flexure.resonance_Hz
-    kept = math.exp(-step / plant.stack_amplifier.time_constant_s)
+    decay = math.exp(-step / plant.stack_amplifier.time_constant_s)
     gain = plant.stack.stroke_m_per_V / file.stack.stroke_m_per_V
-    pull = step * omega**2
-    speed = np.array([gain * kept * pull, 1.0 - 2.0 * step * plant.flexure.damping_ratio * omega,
-                      -pull])  # fmt: skip
-    once = np.array([[kept, 0.0, 0.0], speed, [0.0, 0.0, 1.0] + step * speed])
-    into = (1.0 - kept) * np.array([1.0, gain * pull, step * gain * pull])
-    matrix, driven = np.eye(3), np.zeros(3)
+    speed_gain = step * omega**2
+    damping = 1.0 - 2.0 * step * plant.flexure.damping_ratio * omega
+    speed = np.array([gain * decay * speed_gain, damping, -speed_gain])
+    step_matrix = np.array([[decay, 0.0, 0.0], speed, [0.0, 0.0, 1.0] + step * speed])
+    step_input = (1.0 - decay) * np.array([1.0, gain * speed_gain, step * gain * speed_gain])
+    matrix, input_vector = np.eye(3), np.zeros(3)
     for _ in range(count):
-        matrix, driven = once @ matrix, once @ driven + into
-    return matrix, driven
+        matrix, input_vector = step_matrix @ matrix, step_matrix @ input_vector + step_input
+    return matrix, input_vector
 
 
 def _evaluate_plant(
     file: RigFile, plant: RigFile, coefficients: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the peaks of the sensitivity, their frequencies and the residuals for one plant."""
-    matrix, into = _plant_matrices(file, plant)
+    matrix, input_vector = _plant_matrices(file, plant)
     gain, b0, b1, b2, a1, a2 = coefficients.T
     closed = np.zeros((coefficients.shape[0], 6, 6))  # plant (3), last demand, notch (2)
-    closed[:, :3, :3], closed[:, :3, 3] = matrix, into
+    closed[:, :3, :3], closed[:, :3, 3] = matrix, input_vector
     closed[:, 3, 2], closed[:, 3, 3], closed[:, 3, 4] = -gain * b0, 1.0, gain
     closed[:, 4, 2], closed[:, 4, 4], closed[:, 4, 5] = a1 * b0 - b1, -a1, 1.0
     closed[:, 5, 2], closed[:, 5, 4] = a2 * b0 - b2, -a2
     poles = np.linalg.eigvals(closed)
-    stable = np.abs(poles).max(axis=1) < 1.0
+    is_stable = np.abs(poles).max(axis=1) < 1.0
     rate = file.timing.rate_Hz
-    swept = np.geomspace(_MIN_FREQUENCY_RATIO * rate, 0.499 * rate, _FREQUENCY_COUNT)
+    sweep_frequencies = np.geomspace(_MIN_FREQUENCY_RATIO * rate, 0.499 * rate, _FREQUENCY_COUNT)
     # Narrow peaks lie near poles of the closed loop, so their frequencies are evaluated too.
-    narrow = np.maximum(np.abs(np.angle(poles)) * rate / (2.0 * math.pi), swept[0])
-    frequency = np.hstack([np.tile(swept, (coefficients.shape[0], 1)), narrow])
+    pole_frequencies = np.maximum(
+        np.abs(np.angle(poles)) * rate / (2.0 * math.pi), sweep_frequencies[0]
+    )
+    frequency = np.hstack(
+        [np.tile(sweep_frequencies, (coefficients.shape[0], 1)), pole_frequencies]
+    )
     z = np.exp(2j * math.pi * frequency / rate)
-    below = np.poly(matrix)
-    above = np.poly(matrix - np.outer(into, [0.0, 0.0, 1.0])) - below
-    answer = np.polyval(above, z) / np.polyval(below, z)
-    one, two = 1.0 / z, 1.0 / z**2
-    b0, b1, b2, a1, a2, gain = (part[:, None] for part in (b0, b1, b2, a1, a2, gain))
-    notched = (b0 + b1 * one + b2 * two) / (1.0 + a1 * one + a2 * two)
-    size = 1.0 / np.abs(1.0 + gain / (1.0 - one) * notched * one * answer)
+    denominator = np.poly(matrix)
+    numerator = np.poly(matrix - np.outer(input_vector, [0.0, 0.0, 1.0])) - denominator
+    response = np.polyval(numerator, z) / np.polyval(denominator, z)
+    z_1, z_2 = 1.0 / z, 1.0 / z**2
+    b0, b1, b2, a1, a2, gain = (column[:, None] for column in (b0, b1, b2, a1, a2, gain))
+    notch_response = (b0 + b1 * z_1 + b2 * z_2) / (1.0 + a1 * z_1 + a2 * z_2)
+    sensitivity = 1.0 / np.abs(1.0 + gain / (1.0 - z_1) * notch_response * z_1 * response)
     # The residual of a triangle consists of harmonics that decrease with the square of their order.
-    first = file.displacement_case.frequency_Hz
-    harmonics = np.where(swept >= first, (first / swept) ** 2, 0.0)
-    left = np.sqrt(np.trapezoid((size[:, :_FREQUENCY_COUNT] * harmonics) ** 2, swept, axis=1))
-    at = frequency[np.arange(coefficients.shape[0]), np.argmax(size, axis=1)]
-    return np.where(stable, size.max(axis=1), np.inf), at, left
+    fundamental_Hz = file.displacement_case.frequency_Hz
+    harmonics = np.where(
+        sweep_frequencies >= fundamental_Hz, (fundamental_Hz / sweep_frequencies) ** 2, 0.0
+    )
+    residual = np.sqrt(
+        np.trapezoid(
+            (sensitivity[:, :_FREQUENCY_COUNT] * harmonics) ** 2, sweep_frequencies, axis=1
+        )
+    )
+    peak_frequency = frequency[np.arange(coefficients.shape[0]), np.argmax(sensitivity, axis=1)]
+    return np.where(is_stable, sensitivity.max(axis=1), np.inf), peak_frequency, residual
 
 
 @dataclass(frozen=True)
@@ -211,7 +223,7 @@ class PiezoLoop:
     def linear_loops(self, conditions: Sequence[PiezoCondition]) -> LinearPiezo:
         """Return the linear loops of some plants."""
         file = self.rig.settings
-        return LinearPiezo(file, tuple(one.plant(file)[0] for one in conditions))
+        return LinearPiezo(file, tuple(condition.plant(file)[0] for condition in conditions))
 
     def with_gains_at(self, point: FloatArray) -> PiezoLoop:
         """Return this loop with the gains of a point of the box."""
@@ -230,8 +242,8 @@ class PiezoLoop:
 
     def sensitivity_peak(self, conditions: Sequence[PiezoCondition]) -> tuple[float, float]:
         """Return the largest peak of the sensitivity of the linear loops, and its frequency, Hz."""
-        size, at, _ = self.linear_loops(conditions).evaluate([self.gains()])
-        return float(size[0]), float(at[0])
+        peaks, frequencies, _ = self.linear_loops(conditions).evaluate([self.gains()])
+        return float(peaks[0]), float(frequencies[0])
 
     def figures(
         self, condition: PiezoCondition, aims: Aims, ceiling: float, seed: int
@@ -240,47 +252,61 @@ class PiezoLoop:
 
         The motion is skipped if the sensitivity alone costs more than the ceiling.
         """
-        outcome = PiezoFigures(peak_sensitivity=self.sensitivity_peak([condition])[0])
-        if math.isinf(outcome.peak_sensitivity):
+        figures = PiezoFigures(peak_sensitivity=self.sensitivity_peak([condition])[0])
+        if math.isinf(figures.peak_sensitivity):
             return None
-        if aims.cost(outcome) > ceiling:
-            return outcome  # the motion can only add cost
-        file, noise = condition.plant(self.rig.settings)
+        if aims.cost(figures) > ceiling:
+            return figures  # the motion can only add cost
+        file, noise_seed = condition.plant(self.rig.settings)
         plant = replace(self.rig, settings=file)
         run = follow_reference(
-            self.rig, make_reference(self.rig), self.inverse, plant, noise + seed
+            self.rig, make_reference(self.rig), self.inverse, plant, noise_seed + seed
         )
         if run.loss is not None:
             return None
         error = run["error_m"][first_evaluated_tick(self.rig) :]
-        return replace(outcome, error_rms_m=rms(error), error_peak_m=peak_deviation(error))
+        return replace(figures, error_rms_m=rms(error), error_peak_m=peak_deviation(error))
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return functions that find initial points: gains of the file, best linear loops."""
-        linear, own = (
+        linear, file_gains = (
             self.linear_loops(self.conditions),
             partial(self.space.nearest_point, self.gains()),
         )
-        tried = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
-        return [own, *(partial(find_best_point, linear, self.space, seed, one) for one in tried)]
+        aims_by_peak = [
+            aims.with_scaled_limits({"peak_sensitivity": factor}) for factor in _PEAK_FACTORS
+        ]
+        return [
+            file_gains,
+            *(
+                partial(find_best_point, linear, self.space, seed, peak_aims)
+                for peak_aims in aims_by_peak
+            ),
+        ]
 
     def check(self, jobs: int | None = None) -> CheckResult:
         """Evaluate gains with all noise seeds, and with plants that the search did not use."""
         seeds = range(1, self.rig.settings.noise_seeds + 1)
-        tasks = [*((NOMINAL, seed) for seed in seeds), *((one, 0) for one in CHECK_CONDITIONS)]
-        judged = map_ordered(self._run_check, tasks, jobs=jobs)
-        own, fresh = ([one or PiezoFigures.for_lost_body() for one in part]
-                      for part in (judged[: len(seeds)], judged[len(seeds) :]))  # fmt: skip
+        tasks = [
+            *((NOMINAL, seed) for seed in seeds),
+            *((condition, 0) for condition in CHECK_CONDITIONS),
+        ]
+        results = map_ordered(self._run_check, tasks, jobs=jobs)
+        figures = [result or PiezoFigures.for_lost_body() for result in results]
+        nominal_results, random_results = figures[: len(seeds)], figures[len(seeds) :]
         means = {
-            name: mean_interval([getattr(one, name) for one in own]).mean
-            for name in own[0].by_name()
+            name: mean_interval([getattr(result, name) for result in nominal_results]).mean
+            for name in nominal_results[0].by_name()
         }
-        errors = [one.error_rms_m for one in fresh]
+        errors = [result.error_rms_m for result in random_results]
         lost = sum(map(math.isinf, errors))
-        middle, most = 1e9 * np.median(errors), 1e9 * max(errors)
-        text = f"rms error {middle:.3g} nm in the middle, {most:.3g} nm at most"
+        median_nm, largest_nm = 1e9 * np.median(errors), 1e9 * max(errors)
+        error_text = f"rms error {median_nm:.3g} nm in the middle, {largest_nm:.3g} nm at most"
         return CheckResult(
-            figures={NOMINAL: PiezoFigures(**means), RANDOM_PLANTS: merge_worst_figures(fresh)},
+            figures={
+                NOMINAL: PiezoFigures(**means),
+                RANDOM_PLANTS: merge_worst_figures(random_results),
+            },
             peak_frequencies={
                 NOMINAL: self.sensitivity_peak([NOMINAL])[1],
                 RANDOM_PLANTS: self.sensitivity_peak(CHECK_CONDITIONS)[1],
@@ -289,7 +315,7 @@ class PiezoLoop:
             half_widths={},
             locations={},
             rows={"plants": {"lost": lost, "error_rms_m": errors}},
-            notes=(f"{RANDOM_PLANTS.text}: " + (f"{lost} were lost" if lost else text),),
+            notes=(f"{RANDOM_PLANTS.text}: " + (f"{lost} were lost" if lost else error_text),),
         )
 
     def _run_check(self, task: tuple[PiezoCondition, int]) -> PiezoFigures | None:
@@ -304,18 +330,20 @@ class PiezoLoop:
             return [Limit("error_rms_m", "not every noise seed and drawn plant was held")]
         linear = self.linear_loops(self.conditions)
         twice_damping = linear.with_doubled("flexure", "damping_ratio")
-        eased = {
+        changes = {
             "delay": ("twice the rate", linear.with_doubled("timing", "rate_Hz"), aims),
             "damping": ("twice the damping of the resonance", twice_damping, aims),
         }
 
-        def text(what: str, cost: float, base: float) -> str:
-            return f"with {what} linear loops would leave {100.0 * cost / base:.0f} % of the error"
+        def text(change: str, cost: float, base: float) -> str:
+            return (
+                f"with {change} linear loops would leave {100.0 * cost / base:.0f} % of the error"
+            )
 
-        work = partial(find_minimum_cost, self.space, seed)
+        minimum_cost = partial(find_minimum_cost, self.space, seed)
         return [
             *check_result.find_binding_aims(aims),
-            *find_helpful_changes(work, linear, aims, eased, jobs, text),
+            *find_helpful_changes(minimum_cost, linear, aims, changes, jobs, text),
         ]
 
     def gains(self) -> dict[str, float]:

@@ -137,22 +137,24 @@ class LinearStage:
 
         gain = self.mass * omega**2 / np.abs(shape(1j * omega))
         loop = gain * shape(2.0 * self.rate * (z - 1.0) / (z + 1.0)) * body * hold * current
-        turned = np.unwrap(np.angle(1.0 + loop), axis=1)
+        phase = np.unwrap(np.angle(1.0 + loop), axis=1)
         # With three poles at z = 1, a stable loop turns the phase of 1 + L by +270 degrees
         # (Nyquist).
-        stable = np.abs(turned[:, -1] - turned[:, 0] - 1.5 * math.pi) < 0.5 * math.pi
-        size = np.where(stable[:, None], 1.0 / np.abs(1.0 + loop), np.inf)
-        left = np.where(stable[:, None], np.abs(body * np.sinc(frequency * self.slit)) * size, 1.0)
-        average = np.sqrt(np.trapezoid(left**2, frequency, axis=1))
-        return size.max(axis=1), frequency[np.argmax(size, axis=1)], average
+        is_stable = np.abs(phase[:, -1] - phase[:, 0] - 1.5 * math.pi) < 0.5 * math.pi
+        sensitivity = np.where(is_stable[:, None], 1.0 / np.abs(1.0 + loop), np.inf)
+        position_response = np.where(
+            is_stable[:, None], np.abs(body * np.sinc(frequency * self.slit)) * sensitivity, 1.0
+        )
+        average = np.sqrt(np.trapezoid(position_response**2, frequency, axis=1))
+        return sensitivity.max(axis=1), frequency[np.argmax(sensitivity, axis=1)], average
 
     def costs(self, space: SearchBox, aims: Aims, points: FloatArray) -> FloatArray:
         """Return the costs of points: the moving average if the peak is permitted, else more."""
         rows = [space.parameters(point) for point in points]
         columns = {name: np.array([row[name] for row in rows]) for name in space.axes}
         peak, _, average = self.evaluate(columns)
-        over = np.clip(peak / aims.peak_sensitivity - 1.0, 0.0, 100.0)
-        return np.where(over > 0.0, MISSED_AIM_COST + over, average)
+        excess = np.clip(peak / aims.peak_sensitivity - 1.0, 0.0, 100.0)
+        return np.where(excess > 0.0, MISSED_AIM_COST + excess, average)
 
 
 def make_linear_stage(rig: BodyRig) -> LinearStage:
@@ -204,9 +206,9 @@ class StageLoop:
 
     def sensitivity_peak(self) -> tuple[float, float]:
         """Return the peak of the sensitivity of the linear loop, and its frequency, Hz."""
-        gains = {name: np.array([one]) for name, one in self.gains().items()}
-        peak, at, _ = self.linear_loop.evaluate(gains)
-        return float(peak[0]), float(at[0])
+        gains = {name: np.array([value]) for name, value in self.gains().items()}
+        peaks, frequencies, _ = self.linear_loop.evaluate(gains)
+        return float(peaks[0]), float(frequencies[0])
 
     def figures(
         self, condition: StageCondition, aims: Aims, ceiling: float, seed: int
@@ -215,12 +217,12 @@ class StageLoop:
 
         The motion is skipped if the sensitivity alone costs more than the ceiling.
         """
-        outcome = StageFigures(peak_sensitivity=self.sensitivity_peak()[0])
-        if math.isinf(outcome.peak_sensitivity):
+        figures = StageFigures(peak_sensitivity=self.sensitivity_peak()[0])
+        if math.isinf(figures.peak_sensitivity):
             return None
-        if aims.cost(outcome) > ceiling:
-            return outcome  # the motion can only add cost
-        return self._run_condition(condition, self.feedforward, seed, outcome)
+        if aims.cost(figures) > ceiling:
+            return figures  # the motion can only add cost
+        return self._run_condition(condition, self.feedforward, seed, figures)
 
     def _run_condition(
         self,
@@ -230,19 +232,19 @@ class StageLoop:
         figures: StageFigures,
     ) -> StageFigures | None:
         if condition == STANDSTILL:
-            rest = measure_standstill(self.setup, feedforward, seed)["error_m"]
-            return None if math.isinf(rest) else replace(figures, standstill_rms_m=rest)
+            error_m = measure_standstill(self.setup, feedforward, seed)["error_m"]
+            return None if math.isinf(error_m) else replace(figures, standstill_rms_m=error_m)
         motion = self._set_point(condition)
         return self._evaluate_run(track(self.setup, motion, feedforward, seed), motion, figures)
 
     def _set_point(self, condition: StageCondition) -> SetPoint:
         scan = self.setup.rig.settings.scan
-        peaks = scan.test_m_per_s2 if condition == TEST else scan.train_m_per_s2
+        accelerations = scan.test_m_per_s2 if condition == TEST else scan.train_m_per_s2
         return scan_motion(
             scan,
-            [SMALL_ACCELERATION_RATIO * one for one in peaks]
+            [SMALL_ACCELERATION_RATIO * acceleration for acceleration in accelerations]
             if condition == SLOW_TRAINING
-            else peaks,
+            else accelerations,
         )
 
     def _evaluate_run(
@@ -251,19 +253,26 @@ class StageLoop:
         measures = measure(run, motion, self.setup.rig.settings.scan.slit_s)
         if measures.is_lost:
             return None
-        currents = [name for name in run.columns if name.startswith("current_")]
+        current_names = [name for name in run.columns if name.startswith("current_")]
         return replace(
             figures,
             average_m=measures.average_m,
             error_peak_m=measures.peak_m,
             settling_time_s=measures.settling_50_s,
-            current_rate_rms_A_per_s=max(rms(np.diff(run[one])) / run.dt for one in currents),
+            current_rate_rms_A_per_s=max(
+                rms(np.diff(run[name])) / run.dt for name in current_names
+            ),
         )
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return functions that find the best linear loops for several peak limits."""
-        tried = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
-        return [partial(find_best_point, self.linear_loop, self.space, seed, one) for one in tried]
+        aims_by_peak = [
+            aims.with_scaled_limits({"peak_sensitivity": factor}) for factor in _PEAK_FACTORS
+        ]
+        return [
+            partial(find_best_point, self.linear_loop, self.space, seed, peak_aims)
+            for peak_aims in aims_by_peak
+        ]
 
     def check(self, jobs: int | None = None) -> CheckResult:
         """Identify the feedforward as a simulation does, and evaluate new motions.
@@ -275,25 +284,31 @@ class StageLoop:
         feedforward = find_gains(self.setup, self._set_point(TRAINING))
         seeds = list(range(1, file.noise_seeds + 1))
         tasks = [
-            *((TEST, one) for one in seeds),
+            *((TEST, seed) for seed in seeds),
             (SLOW_TRAINING, 1),
             (STANDSTILL, 1),
             *((None, number) for number in range(CHECK_PLANTS)),
         ]
-        judged = map_ordered(partial(self._run_check, feedforward), tasks, jobs=jobs)
-        count = len(seeds)
-        drawn = judged[count + 2 :]
-        whole = all(one is not None for one in [*judged[:count], *drawn])
-        unseen, widths = (
-            _mean_figures(judged[:count]) if whole else (StageFigures.for_lost_body(), {})
+        results = map_ordered(partial(self._run_check, feedforward), tasks, jobs=jobs)
+        seed_count = len(seeds)
+        plant_results = results[seed_count + 2 :]
+        is_complete = all(item is not None for item in [*results[:seed_count], *plant_results])
+        test_figures, widths = (
+            _mean_figures(results[:seed_count])
+            if is_complete
+            else (StageFigures.for_lost_body(), {})
         )
-        others = [one or StageFigures.for_lost_body() for one in judged[count : count + 2]]
-        figures = dict(zip((TEST, SLOW_TRAINING, STANDSTILL), (unseen, *others), strict=True))
-        plants, note = _summarise_plants(drawn)
+        other_figures = [
+            item or StageFigures.for_lost_body() for item in results[seed_count : seed_count + 2]
+        ]
+        figures = dict(
+            zip((TEST, SLOW_TRAINING, STANDSTILL), (test_figures, *other_figures), strict=True)
+        )
+        plants_row, plants_note = _summarise_plants(plant_results)
         return CheckResult(
             figures=figures,
             peak_frequencies=dict.fromkeys(figures, self.sensitivity_peak()[1]),
-            seed_count=count,
+            seed_count=seed_count,
             half_widths=widths,
             locations={},
             rows={
@@ -302,23 +317,23 @@ class StageLoop:
                     "jerk_s": feedforward.jerk,
                     "snap_s2": feedforward.snap,
                 },
-                "plants": plants,
+                "plants": plants_row,
             },
-            notes=(note,),
+            notes=(plants_note,),
         )
 
     def _run_check(
         self, feedforward: Feedforward, task: tuple[StageCondition | None, int]
     ) -> StageFigures | None:
-        condition, number = task
+        condition, seed_or_plant = task
         figures = StageFigures(peak_sensitivity=self.sensitivity_peak()[0])
         if condition is not None:
-            return self._run_condition(condition, feedforward, number, figures)
+            return self._run_condition(condition, feedforward, seed_or_plant, figures)
         rig = self.setup.rig
-        drift, noise = sample_plant(rig.settings, rig.settings.seed, number)
+        drift, noise_seed = sample_plant(rig.settings, rig.settings.seed, seed_or_plant)
         motion = self._set_point(TEST)
         drifted = replace(self.setup, drift=drift)
-        return self._evaluate_run(track(drifted, motion, feedforward, noise), motion, figures)
+        return self._evaluate_run(track(drifted, motion, feedforward, noise_seed), motion, figures)
 
     def find_limits(
         self, aims: Aims, check_result: CheckResult, seed: int, jobs: int | None = None
@@ -326,37 +341,38 @@ class StageLoop:
         """Report what limits checked gains: aims, force, crossover, helpful changes."""
         if not math.isfinite(check_result.worst.cost):
             return [Limit("average_m", "not every noise seed and drawn plant was held")]
-        near = check_result.find_binding_aims(aims)
+        limits = check_result.find_binding_aims(aims)
         motion, file = self._set_point(TEST), self.setup.rig.settings
-        asked = track(self.setup, motion, self.feedforward, seed)["demand_N"]
-        demand = float(np.abs(asked + weight_along_scan(file)).max())
-        most = largest_wrench_factor(file, scan_wrench(file))
-        if demand >= _FORCE_LIMIT_FRACTION * most:
-            text = f"the demand reaches {demand:.3g} N of {most:.4g} N on the test set-point"
-            near.append(Limit("force", text))
+        demand_N = track(self.setup, motion, self.feedforward, seed)["demand_N"]
+        largest_demand_N = float(np.abs(demand_N + weight_along_scan(file)).max())
+        force_max_N = largest_wrench_factor(file, scan_wrench(file))
+        if largest_demand_N >= _FORCE_LIMIT_FRACTION * force_max_N:
+            text = f"the demand reaches {largest_demand_N:.3g} N of {force_max_N:.4g} N "
+            text += "on the test set-point"
+            limits.append(Limit("force", text))
         if (
             crossover := file.tracking.crossover_Hz
         ) >= _CROSSOVER_LIMIT_FRACTION * self.max_crossover:
-            text = f"the crossover of {crossover:.4g} Hz takes what is allowed, {self.max_crossover:g} Hz"
-            near.append(Limit("crossover", text))
-        return [*near, *self._find_helpful_changes(aims, seed, jobs)]
+            text = f"the crossover of {crossover:.4g} Hz reaches its limit of {self.max_crossover:g} Hz"
+            limits.append(Limit("crossover", text))
+        return [*limits, *self._find_helpful_changes(aims, seed, jobs)]
 
     def _find_helpful_changes(self, aims: Aims, seed: int, jobs: int | None) -> list[Limit]:
         """Tune linear loops again with one change at a time, and report the changes that help."""
         loop = self.linear_loop
-        sooner = replace(loop, delay=0.5 * (loop.delay + 0.5 / loop.rate))
-        faster = replace(loop, bandwidth=2.0 * loop.bandwidth)
-        eased = {
-            "delay": ("half the delay from sample to current", sooner, aims),
-            "amplifier": ("an amplifier of twice the bandwidth", faster, aims),
+        loop_with_half_delay = replace(loop, delay=0.5 * (loop.delay + 0.5 / loop.rate))
+        loop_with_fast_amplifier = replace(loop, bandwidth=2.0 * loop.bandwidth)
+        changes = {
+            "delay": ("half the delay from sample to current", loop_with_half_delay, aims),
+            "amplifier": ("an amplifier of twice the bandwidth", loop_with_fast_amplifier, aims),
         }
 
-        def text(what: str, cost: float, base: float) -> str:
-            left = 100.0 * cost / base
-            return f"with {what} linear loops would leave {left:.0f} % of the moving average"
+        def text(change: str, cost: float, base: float) -> str:
+            percent = 100.0 * cost / base
+            return f"with {change} linear loops would leave {percent:.0f} % of the moving average"
 
-        work = partial(find_minimum_cost, self.space, seed)
-        return find_helpful_changes(work, loop, aims, eased, jobs, text)
+        minimum_cost = partial(find_minimum_cost, self.space, seed)
+        return find_helpful_changes(minimum_cost, loop, aims, changes, jobs, text)
 
     def gains(self) -> dict[str, float]:
         """Return the gains by their names in files."""
@@ -395,7 +411,7 @@ def _mean_figures(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, di
     """
     means, widths = {}, {}
     for name in StageFigures().by_name():
-        interval = mean_interval([getattr(one, name) for one in runs])
+        interval = mean_interval([getattr(run, name) for run in runs])
         means[name] = interval.mean
         if interval.half_width > _MIN_NOISE_RATIO * interval.mean:
             widths[name] = interval.half_width
@@ -404,14 +420,14 @@ def _mean_figures(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, di
 
 def _summarise_plants(drawn: Sequence[StageFigures | None]) -> tuple[dict[str, Any], str]:
     """Return the results of random plants, for tuning.json and as a sentence."""
-    count, held = len(drawn), [one for one in drawn if one is not None]
-    lost, averages = count - len(held), [one.average_m for one in held]
-    peaks = [one.error_peak_m for one in held]
-    plants = {"drawn": count, "lost": lost, "average_m": averages, "error_peak_m": peaks}
-    if lost:
-        return plants, f"{lost} of {count} drawn plants were lost"
-    shown = [1e9 * one for one in averages]
+    count, survivors = len(drawn), [figures for figures in drawn if figures is not None]
+    lost_count, averages = count - len(survivors), [figures.average_m for figures in survivors]
+    peaks = [figures.error_peak_m for figures in survivors]
+    plants = {"drawn": count, "lost": lost_count, "average_m": averages, "error_peak_m": peaks}
+    if lost_count:
+        return plants, f"{lost_count} of {count} drawn plants were lost"
+    averages_nm = [1e9 * average for average in averages]
     return plants, (
-        f"{count} plants drawn as [spread] says: moving average {np.median(shown):.3g} nm in "
-        f"the middle, {max(shown):.3g} nm at most"
+        f"{count} plants drawn as [spread] says: moving average {np.median(averages_nm):.3g} nm in "
+        f"the middle, {max(averages_nm):.3g} nm at most"
     )

@@ -53,11 +53,11 @@ class SearchBox:
     def parameters(self, point: FloatArray) -> dict[str, float]:
         """Return the parameters at a point of the unit box."""
         values = {}
-        for (name, axis), part in zip(self.axes.items(), point.tolist(), strict=True):
+        for (name, axis), position in zip(self.axes.items(), point.tolist(), strict=True):
             if axis.is_logarithmic:
-                values[name] = axis.low * (axis.high / axis.low) ** part
+                values[name] = axis.low * (axis.high / axis.low) ** position
             else:
-                values[name] = axis.low + (axis.high - axis.low) * part
+                values[name] = axis.low + (axis.high - axis.low) * position
         return values
 
 
@@ -86,24 +86,29 @@ class BearingSpace(SearchBox):
         self, point: FloatArray, template: ControllerTable
     ) -> ControllerTable:
         """Return the controller at a point of the unit box, with the template's settings."""
-        at = self.parameters(point)
-        w, z, a = 2.0 * math.pi * at["bandwidth_Hz"], at["damping"], at["real_pole"]
-        total = self.mass * (1.0 + at["virtual_mass"])
+        parameters = self.parameters(point)
+        w, z, a = (
+            2.0 * math.pi * parameters["bandwidth_Hz"],
+            parameters["damping"],
+            parameters["real_pole"],
+        )
+        total_mass = self.mass * (1.0 + parameters["virtual_mass"])
         gains = GainsTable(
-            K_p_N_per_m=round_gain(total * (1.0 + 2.0 * z * a) * w**2),
-            K_i_N_per_m_s=round_gain(total * a * w**3),
-            K_d_N_s_per_m=round_gain(total * (2.0 * z + a) * w),
-            K_dd_N_s2_per_m=round_gain(self.mass * at["virtual_mass"]),
+            K_p_N_per_m=round_gain(total_mass * (1.0 + 2.0 * z * a) * w**2),
+            K_i_N_per_m_s=round_gain(total_mass * a * w**3),
+            K_d_N_s_per_m=round_gain(total_mass * (2.0 * z + a) * w),
+            K_dd_N_s2_per_m=round_gain(self.mass * parameters["virtual_mass"]),
         )
         filters = FilterTable(
-            cutoff_Hz=round_gain(at["cutoff_Hz"]), cutoff_2_Hz=round_gain(at["cutoff_2_Hz"])
+            cutoff_Hz=round_gain(parameters["cutoff_Hz"]),
+            cutoff_2_Hz=round_gain(parameters["cutoff_2_Hz"]),
         )
         return template.model_copy(
             update={
                 "design": None,
                 "gains": gains,
                 "filter": filters,
-                "set_point_weight": round(at["set_point_weight"], _GAIN_DIGITS),
+                "set_point_weight": round(parameters["set_point_weight"], _GAIN_DIGITS),
             }
         )
 
@@ -170,23 +175,25 @@ class CheckResult:
 
     def find_binding_aims(self, aims: Aims) -> list[Limit]:
         """Return the aims that are missed or almost reached, with the condition."""
-        found = []
+        limits = []
         for name, limit in aims.limits.items():
             value = float(getattr(self.worst, name))
             if value < _BINDING_RATIO * limit:
                 continue
-            at = max(self.figures, key=lambda each: float(getattr(self.figures[each], name)))
-            where = f"at {at.text}"
+            condition = max(
+                self.figures, key=lambda condition: float(getattr(self.figures[condition], name))
+            )
+            location = f"at {condition.text}"
             if name == "peak_sensitivity":
-                where += f", around {self.peak_frequencies[at]:.0f} Hz"
+                location += f", around {self.peak_frequencies[condition]:.0f} Hz"
             elif name in self.locations:
-                where += f", {self.locations[name]}"
+                location += f", {self.locations[name]}"
             verb = "misses" if value > limit else "nearly takes"
             bound = GAIN_METRICS[name].format_limit(limit)
-            found.append(
-                Limit(name, f"{format_figure(name, value)} {verb} its limit of {bound} {where}")
+            limits.append(
+                Limit(name, f"{format_figure(name, value)} {verb} its limit of {bound} {location}")
             )
-        return found
+        return limits
 
 
 class Tunable(Protocol):
@@ -256,18 +263,29 @@ def find_helpful_changes(
     The limit of the peak sensitivity, increased by half, is always one of them. The text of a
     change is made from its description and the costs with and without it.
     """
-    peak, easier = 1.5 * aims.peak_sensitivity, aims.with_scaled_limits({"peak_sensitivity": 1.5})
-    changes = {"peak_sensitivity": (f"a peak sensitivity of {peak:g}", loop, easier), **changes}
-    tasks = [(loop, aims), *((one, its_aims) for _, one, its_aims in changes.values())]
-    base, *costs = map_ordered(minimum_cost, tasks, jobs=jobs)
-    if not math.isfinite(base):
-        return []
-    helps = sorted(
-        (cost, what)
-        for what, cost in zip(changes, costs, strict=True)
-        if cost < (1.0 - _MIN_COST_REDUCTION) * base
+    relaxed_peak, relaxed_aims = (
+        1.5 * aims.peak_sensitivity,
+        aims.with_scaled_limits({"peak_sensitivity": 1.5}),
     )
-    return [Limit(what, format_text(changes[what][0], cost, base)) for cost, what in helps]
+    changes = {
+        "peak_sensitivity": (f"a peak sensitivity of {relaxed_peak:g}", loop, relaxed_aims),
+        **changes,
+    }
+    tasks = [
+        (loop, aims),
+        *((changed_loop, changed_aims) for _, changed_loop, changed_aims in changes.values()),
+    ]
+    base_cost, *costs = map_ordered(minimum_cost, tasks, jobs=jobs)
+    if not math.isfinite(base_cost):
+        return []
+    helpful = sorted(
+        (cost, change)
+        for change, cost in zip(changes, costs, strict=True)
+        if cost < (1.0 - _MIN_COST_REDUCTION) * base_cost
+    )
+    return [
+        Limit(change, format_text(changes[change][0], cost, base_cost)) for cost, change in helpful
+    ]
 
 
 @dataclass(frozen=True)
@@ -299,10 +317,10 @@ def run_trial(
     except InputError:  # fixed point cannot represent the gains
         return GainOutcome(LOST_BODY_COST + len(conditions), figures, is_complete=False)
     for index, condition in enumerate(conditions):
-        result = loop.figures(condition, aims, ceiling, seed)
-        if result is None:
+        condition_figures = loop.figures(condition, aims, ceiling, seed)
+        if condition_figures is None:
             return GainOutcome(LOST_BODY_COST + len(conditions) - index, figures, is_complete=False)
-        figures[condition] = result
+        figures[condition] = condition_figures
         cost = aims.cost(merge_worst_figures(figures.values()))
         if cost > ceiling and index + 1 < len(conditions):
             return GainOutcome(cost, figures, is_complete=False)

@@ -88,14 +88,14 @@ def tune(
             "--effort": aims.current_rate_rms_A_per_s,
         },
     )
-    begin, used = time.perf_counter(), _processor_time()
-    tunes = require_capability(kind, HasTuning)
-    subject = tunes.tuning(rig, controller, crossover)
+    begin_s, used_before_s = time.perf_counter(), _processor_time()
+    tuning_kind = require_capability(kind, HasTuning)
+    subject = tuning_kind.tuning(rig, controller, crossover)
     aims = subject.with_default_aims(aims)
-    names = subject.variants() if all_variants else (subject.main_variant,)
-    places = subject.plan_paths(out, names, tunes.files(rig, controller))
+    variant_names = subject.variants() if all_variants else (subject.main_variant,)
+    paths = subject.plan_paths(out, variant_names, tuning_kind.files(rig, controller))
     search = partial(GainSearch, aims=aims, budget=budget, seed=seed, jobs=jobs)
-    tuned, interrupted = _tune_all(search, subject.make_loops(names, jobs), progress)
+    tuned, interrupted = _tune_all(search, subject.make_loops(variant_names, jobs), progress)
     out.mkdir(parents=True, exist_ok=True)
     result = Tuning(
         rig=subject.rig,
@@ -106,10 +106,10 @@ def tune(
         budget=budget,
         seed=seed,
         tuned=tuned,
-        written={name: places[name] for name in tuned},
+        written={name: paths[name] for name in tuned},
         interrupted=interrupted,
-        seconds=time.perf_counter() - begin,
-        cpu_seconds=_processor_time() - used,
+        seconds=time.perf_counter() - begin_s,
+        cpu_seconds=_processor_time() - used_before_s,
     )
     for name, path in result.written.items():
         subject.write(tuned[name], path, make_file_note(tuned[name], result))
@@ -143,7 +143,7 @@ class TuningSubject(ABC):
     def write(self, tuned: TunedVariant, path: Path, note: str) -> None:
         """Write the tuned rig file, if there is no controller file for the gains."""
         gains = tuned.search_result.loop.gains().items()
-        changes: dict[KeyPath, Any] = {("control", name): one for name, one in gains}
+        changes: dict[KeyPath, Any] = {("control", name): value for name, value in gains}
         rewrite_rig(self.rig.path, path, changes, note)
 
     def plan_paths(
@@ -160,8 +160,10 @@ class TuningSubject(ABC):
             raise InputError(f"{folder}: is a file; name a folder", code="is-a-file")
         else:
             # If a file of this name could be made, so can the folder.
-            above = next(one for one in folder.absolute().parents if one.exists())
-            check_writable(above / folder.name)
+            existing_parent = next(
+                parent for parent in folder.absolute().parents if parent.exists()
+            )
+            check_writable(existing_parent / folder.name)
         return {name: folder / file for name, file in files.items()}
 
 
@@ -200,11 +202,11 @@ class BearingSubject(TuningSubject):
         self, names: Sequence[MethodName], jobs: int | None
     ) -> Mapping[MethodName, Tunable]:
         """Identify the magnet and make the loops of the variants."""
-        ready = check_inputs(self.rig, self.controller)
-        self.rig, knowledge = ready.rig, ready.identify_magnet()
-        self.plant = check_plant(ready.rig, knowledge)
-        setups = make_setups(ready.rig, self.controller, knowledge, tuple(names))
-        conditions = default_conditions(ready.rig)
+        inputs = check_inputs(self.rig, self.controller)
+        self.rig, knowledge = inputs.rig, inputs.identify_magnet()
+        self.plant = check_plant(inputs.rig, knowledge)
+        setups = make_setups(inputs.rig, self.controller, knowledge, tuple(names))
+        conditions = default_conditions(inputs.rig)
         return {name: BearingLoop(setup, conditions) for name, setup in setups.items()}
 
     def write(self, tuned: TunedVariant, path: Path, note: str) -> None:
@@ -229,10 +231,10 @@ class StageSubject(TuningSubject):
         self.rig = read_stage(rig)
         check_calibration(self.rig)
         self.max_crossover = math.inf if crossover is None else crossover
-        least = self.rig.settings.timing.rate_Hz / MAX_PERIOD_TICKS
-        if not self.max_crossover > least:
+        min_crossover = self.rig.settings.timing.rate_Hz / MAX_PERIOD_TICKS
+        if not self.max_crossover > min_crossover:
             raise InputError(
-                f"--crossover: {self.max_crossover:g} Hz is not above {least:g} Hz, a thousandth of the "
+                f"--crossover: {self.max_crossover:g} Hz is not above {min_crossover:g} Hz, a thousandth of the "
                 "controller's rate; give a higher one",
                 code="out-of-range",
                 key="--crossover",
@@ -241,9 +243,9 @@ class StageSubject(TuningSubject):
     def variants(self) -> Sequence[MethodName]:
         """Return the names of all variants."""
         return [
-            one
-            for one in COMPARED_METHODS
-            if one not in FLUX_PROBE_METHODS or self.rig.settings.hall_probe is not None
+            name
+            for name in COMPARED_METHODS
+            if name not in FLUX_PROBE_METHODS or self.rig.settings.hall_probe is not None
         ]
 
     def make_loops(
@@ -290,25 +292,29 @@ def _tune_all(
     tuned: dict[MethodName, TunedVariant] = {}
     parts = split_progress(progress, [1.0] * len(loops))
     for (name, loop), part in zip(loops.items(), parts, strict=True):
-        one = search(loop, progress=part)
+        gain_search = search(loop, progress=part)
         try:
-            gains = one.run()
-            reached = gains.check
+            result = gain_search.run()
+            check_result = result.check
             limits = (
-                gains.loop.find_limits(one.aims, reached, one.seed, one.jobs) if reached else []
+                result.loop.find_limits(
+                    gain_search.aims, check_result, gain_search.seed, gain_search.jobs
+                )
+                if check_result
+                else []
             )
             part(1, 1)
         except KeyboardInterrupt:
             if not tuned:
                 raise Interrupted("too early for any gains, nothing written") from None
             return tuned, True
-        tuned[name] = TunedVariant(name, gains, tuple(limits), one.aims)
-        if gains.interrupted:
+        tuned[name] = TunedVariant(name, result, tuple(limits), gain_search.aims)
+        if result.interrupted:
             return tuned, True
     return tuned, False
 
 
 def _processor_time() -> float:
     """Return the processor time of this process and its finished children, s."""
-    used = os.times()
-    return used.user + used.system + used.children_user + used.children_system
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
