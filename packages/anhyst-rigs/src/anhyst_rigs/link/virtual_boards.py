@@ -28,13 +28,13 @@ from anhyst_rigs.link.wire import LinkPort
 Q30 = float(1 << 30)
 Q31 = float(1 << 31)
 _ERROR_CODE = -(1 << 31)
-_MIN_CODE, _MAX_CODE = _ERROR_CODE + 1, (1 << 31) - 1
+_MIN_CODE = _ERROR_CODE + 1
+_MAX_CODE = (1 << 31) - 1
 _DRIVE_BYTES = PlantDrive.FIXED.size + 4
-_CURRENT_FIELDS, _DRIVE_FIELDS = (
-    [field.name for field in fields(record) if field.name.startswith(signal)]
-    for record, signal in ((PlantSample, "current"), (PlantDrive, "drive"))
-)
-"""Words of the magnets, the first to the last."""
+_CURRENT_FIELDS = [field.name for field in fields(PlantSample) if field.name.startswith("current")]
+"""Current readings of the magnets, the first to the last."""
+_DRIVE_FIELDS = [field.name for field in fields(PlantDrive) if field.name.startswith("drive")]
+"""Commanded currents of the magnets, the first to the last."""
 
 
 class Reading(NamedTuple):

@@ -32,7 +32,8 @@ from anhyst_rigs.link.wire import BAUD, Port, compute_key, frame_packet, split_p
 
 _EVENT_PID = 0xFD
 _MIN_SERVICE_PID = 0xFC
-_SYNCH, _SYNCH_ANSWER = b"\xfc", b"\xfe\x00"
+_SYNCH = b"\xfc"
+_SYNCH_ANSWER = b"\xfe\x00"
 _POLL_S = 0.05
 _RESET_SILENCE_S = 0.12
 """Time without bytes after which a controller discards an incomplete packet, s."""
@@ -161,16 +162,30 @@ class XcpLine:
                 self._arrival.notify_all()
 
 
-_CONNECT, _DISCONNECT, _STATUS, _ID, _SEED, _UNLOCK = 0xFF, 0xFE, 0xFD, 0xFA, 0xF8, 0xF7
-_ADDRESS, _UPLOAD, _SHORT_UPLOAD, _DOWNLOAD = 0xF6, 0xF5, 0xF4, 0xF0
-_CLOCK, _RESOLUTION, _SET_PAGE = 0xDC, 0xD9, 0xEB
-_CONTROLLER_PAGE, _MASTER_PAGE = 0x01, 0x02
-"""Whose calibration page is selected: that of the controller, or that of the master."""
+# Codes of XCP commands.
+_CONNECT = 0xFF
+_DISCONNECT = 0xFE
+_GET_STATUS = 0xFD
+_GET_ID = 0xFA
+_GET_SEED = 0xF8
+_UNLOCK = 0xF7
+_SET_ADDRESS = 0xF6
+_UPLOAD = 0xF5
+_SHORT_UPLOAD = 0xF4
+_DOWNLOAD = 0xF0
+_SET_PAGE = 0xEB
+_GET_CLOCK = 0xDC
+_GET_RESOLUTION = 0xD9
+
+# Calibration page to select: that of the controller, or that of its master.
+_CONTROLLER_PAGE = 0x01
+_MASTER_PAGE = 0x02
 
 _MAX_PACKET_WORDS = 67
 """Maximum number of block words in a packet."""
 
-_ANSWER_PID, _ERROR_PID = 0xFF, 0xFE
+_ANSWER_PID = 0xFF
+_ERROR_PID = 0xFE
 _TIMESTAMP_MODE = 0x10
 _MAX_ATTEMPTS = 3
 """Number of attempts of a query whose answer a serial port loses."""
@@ -210,9 +225,9 @@ class XcpMaster:
 
     def _connect(self) -> None:
         self._send(bytes((_CONNECT, 0)))
-        (length,) = struct.unpack("<I", self._send(bytes((_ID, 1)))[4:8])
+        (length,) = struct.unpack("<I", self._send(bytes((_GET_ID, 1)))[4:8])
         self.name = self._send(bytes((_UPLOAD, length)))[1:].decode("ascii", "replace")
-        seed = self._send(bytes((_SEED, 0, 1)))[2:]
+        seed = self._send(bytes((_GET_SEED, 0, 1)))[2:]
         self._send(bytes((_UNLOCK, len(seed))) + compute_key(seed))
         try:
             self.read(_INPUT_ADDRESSES["set_demand"], 4)
@@ -234,7 +249,7 @@ class XcpMaster:
 
     def send_heartbeat(self) -> None:
         """Send a heartbeat of the operator."""
-        self._query(bytes((_STATUS,)))
+        self._query(bytes((_GET_STATUS,)))
 
     def read(self, address: int, count: int) -> bytes:
         """Return `count` bytes from an address, at most 135."""
@@ -316,7 +331,7 @@ class XcpMaster:
 
     def read_clock(self) -> int:
         """Return the number of the last tick, modulo 2^32."""
-        return int.from_bytes(self._query(bytes((_CLOCK,)))[4:8], "little")
+        return int.from_bytes(self._query(bytes((_GET_CLOCK,)))[4:8], "little")
 
     def take_samples(self, tick: int) -> Samples:
         """Wait for the last sample up to a tick, and return all received samples."""
@@ -337,7 +352,7 @@ class XcpMaster:
 
     def _read_rate(self) -> float:
         """Return the ticks per second, with the resolution of the time stamp period."""
-        mode, count = struct.unpack("<BH", self._query(bytes((_RESOLUTION,)))[5:8])
+        mode, count = struct.unpack("<BH", self._query(bytes((_GET_RESOLUTION,)))[5:8])
         return 1e9 / float(count * 10 ** (mode >> 4))
 
     def _start_sampling(self) -> None:
@@ -366,7 +381,7 @@ class XcpMaster:
 
     def _download(self, address: int, data: bytes, request: Message) -> None:
         with self._line.lock:
-            self._send(struct.pack("<BBBBI", _ADDRESS, 0, 0, 0, address))
+            self._send(struct.pack("<BBBBI", _SET_ADDRESS, 0, 0, 0, address))
             self._send_checked(bytes((_DOWNLOAD, len(data))) + data, request)
 
     def _send_checked(self, command: bytes, request: Message) -> None:

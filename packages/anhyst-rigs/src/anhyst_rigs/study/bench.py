@@ -250,7 +250,8 @@ def prepare_piezo(
 
 MAX_CACHED_BENCHES = 20
 """Maximum number of cached benches. Those that were not opened for the longest time are removed."""
-_FIRMWARE_FILE, _PICKLE_FILE = "firmware", "prepared.pickle"
+_FIRMWARE_FILE = "firmware"
+_PICKLE_FILE = "prepared.pickle"
 
 
 @contextmanager

@@ -96,8 +96,10 @@ def _find_column(names: Sequence[str], choice: Sequence[str]) -> int:
     )
 
 
-_DRAWN_POINTS, _COMPARED_POINTS = 200, 100
-"""Points of a drawn loop, alone and in a comparison, for each loop of a record."""
+_DRAWN_POINTS = 200
+"""Points of a drawn loop, for each loop of a record."""
+_COMPARED_POINTS = 100
+"""Points of a loop that is drawn with two models, for each loop of a record."""
 _MAX_DRAWN_LOOPS = 60
 
 
@@ -197,8 +199,9 @@ def _comparison_dict(loop: Loop, old: FloatArray, new: FloatArray) -> dict[str, 
     return {"label": loop.label, **rounded}
 
 
-LOOPS_FILE, MODEL_FILE = "loops.csv", "model.toml"
-"""Files that the steps write into their folder; the sidecar of the loops is next to them."""
+LOOPS_FILE = "loops.csv"
+"""File of the measured loops; its sidecar is next to it."""
+MODEL_FILE = "model.toml"
 _MAX_DRIVE_POINTS = 1500
 """Maximum number of points of a drawn drive."""
 

@@ -22,9 +22,13 @@ FaultAction = Callable[[BearingBench, int], bool]
 
 It returns whether the link stays alive.
 """
+# Bits of ``PORT_...`` in ``firmware/port/port.h``.
 _NO_SAMPLE_BIT = 1
-_AMPLIFIER_BIT, _EMERGENCY_STOP_BIT, _OVER_CURRENT_BIT, _SUPPLY_BIT, _TOO_WARM_BIT = 2, 4, 8, 16, 32
-"""Bits of ``PORT_...`` in ``firmware/port/port.h``."""
+_AMPLIFIER_BIT = 2
+_EMERGENCY_STOP_BIT = 4
+_OVER_CURRENT_BIT = 8
+_SUPPLY_BIT = 16
+_TOO_WARM_BIT = 32
 _SENSOR_ERROR_CODE = -(1 << 31)
 """Code of a broken sensor."""
 _SAG_RATIO = 0.2

@@ -138,8 +138,10 @@ def _settling_time(elapsed: FloatArray, error: FloatArray, band: float) -> float
     return math.inf if first == len(elapsed) else float(elapsed[first])
 
 
-_MIN_PERIODS, _MIN_SECONDS = 5, 0.02  # minimum measuring time of each frequency
-_MIN_SETTLING_PERIODS, _MIN_SETTLING_S = 2, 0.02
+_MIN_PERIODS = 5  # measured periods of each frequency
+_MIN_MEASURING_S = 0.02
+_MIN_SETTLING_PERIODS = 2
+_MIN_SETTLING_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -219,7 +221,7 @@ def _plan_sweep(frequencies: Sequence[float], rate: float) -> list[_SinePiece]:
     begin = 0
     for frequency in frequencies:
         settling_ticks = math.ceil(max(_MIN_SETTLING_PERIODS / frequency, _MIN_SETTLING_S) * rate)
-        periods = max(_MIN_PERIODS, math.ceil(_MIN_SECONDS * frequency))
+        periods = max(_MIN_PERIODS, math.ceil(_MIN_MEASURING_S * frequency))
         measured_from = begin + settling_ticks
         end = measured_from + round(periods / frequency * rate)
         pieces.append(_SinePiece(frequency, begin, measured_from, end))
@@ -241,7 +243,8 @@ def _fit_sine(position: FloatArray, piece: _SinePiece, rate: float) -> tuple[com
     return complex(coefficients[0], coefficients[1]), float(np.sqrt(np.mean(residual**2)))
 
 
-OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
+OVERSHOOT = "overshoot_percent"
+NOISE = "noise_percent"
 STEP_FIGURES = (
     *(field.name for field in fields(StepFigures)),
     "tracking_rms_m",

@@ -264,7 +264,8 @@ def _condition_figures(cells: Sequence[StepCell], measured: Sensitivity | None) 
 
 
 _LIMIT_FRACTION = 0.995  # fraction of a limit above which a signal counts as saturated
-_NOISE_SIGMAS, _SETTLING_BAND = 3.0, 0.02  # standard deviations; of the smallest step
+_NOISE_SIGMAS = 3.0  # width of the noise in the settling band, in standard deviations
+_SETTLING_BAND = 0.02  # relative to the step height
 
 
 def _noise_limits(setup: BearingSetup, reached: CheckResult) -> list[Limit]:

@@ -34,9 +34,10 @@ from anhyst_rigs.study.tuning.trial import (
     round_gain,
 )
 
-SEARCH_PLANTS, CHECK_PLANTS = 6, 20
-"""Number of random plants of [spread] for the check. SEARCH_PLANTS is their number in the search.
-"""
+SEARCH_PLANTS = 6
+"""Number of random plants of [spread] in the search."""
+CHECK_PLANTS = 20
+"""Number of random plants of [spread] in the check."""
 _FIRST_CHECK_PLANT = 1000
 """Number of the first plant of the check. The search uses the plants from number 0."""
 _PEAK_FACTORS = (0.5, 0.75, 1.0)  # factors on the peak limit, for the initial guesses

@@ -61,13 +61,15 @@ class CmaStrategy:
 
 
 _FREQUENCY_COUNT = 72
-_OUTPUT_INTERVAL_TICKS = 4  # ticks
-_SETTLING_BAND = 0.02
+_OUTPUT_INTERVAL_TICKS = 4  # a power of two
+_SETTLING_BAND = 0.02  # relative to the step height
 
 SOBOL_POINTS = 1024
 """Number of Sobol points that are evaluated first; a power of two."""
-REFINEMENT_SIZE = (24, 32)
-"""Number of generations, and points per generation, that improve the best Sobol point."""
+REFINEMENT_GENERATIONS = 24
+"""Number of generations that improve the best Sobol point."""
+REFINEMENT_POPULATION = 32
+"""Number of points in each of these generations."""
 
 
 @dataclass(frozen=True)
@@ -223,8 +225,8 @@ def minimise_cost(costs: Callable[[FloatArray], FloatArray], size: int, seed: in
     cost = costs(points)
     best: FloatArray = points[int(np.argmin(cost))]
     minimum_cost = float(np.min(cost))
-    strategy = CmaStrategy(best, 0.1, [seed, 2], REFINEMENT_SIZE[1])
-    for _ in range(REFINEMENT_SIZE[0]):
+    strategy = CmaStrategy(best, 0.1, [seed, 2], REFINEMENT_POPULATION)
+    for _ in range(REFINEMENT_GENERATIONS):
         points_tried = strategy.ask()
         cost = costs(points_tried)
         strategy.tell(cost)

@@ -64,15 +64,10 @@ class StageCondition:
         return {"name": self.text}
 
 
-TRAINING, SLOW_TRAINING, STANDSTILL, TEST = (
-    StageCondition(text)
-    for text in (
-        "the training set-point",
-        "a tenth of its accelerations",
-        "standstill",
-        "the test set-point",
-    )
-)
+TRAINING = StageCondition("the training set-point")
+SLOW_TRAINING = StageCondition("a tenth of its accelerations")
+STANDSTILL = StageCondition("standstill")
+TEST = StageCondition("the test set-point")
 
 
 @dataclass(frozen=True)
