@@ -35,19 +35,19 @@ _MAX_FRAME_WORDS = 118
 """Maximum number of block words in one frame, in both directions."""
 
 _REASON_TEXTS = {
-    Reason.VERSION: "it speaks another version of the protocol",
-    Reason.TYPE: "it does not know this request",
+    Reason.VERSION: "the protocol version differs",
+    Reason.TYPE: "unknown request",
     Reason.LENGTH: "the request has the wrong length",
-    Reason.OLD: "newer requests overtook it",
-    Reason.STATE: "not in the state it is in",
+    Reason.OLD: "newer requests were answered before",
+    Reason.STATE: "not in this state",
     Reason.VALUE: "a value is out of its range",
-    Reason.ORDER: "the words of the block came out of order",
-    Reason.CHECKSUM: "the block that arrived is not the one that was announced",
+    Reason.ORDER: "the words of the block arrived out of order",
+    Reason.CHECKSUM: "the received block is not the announced one",
     Reason.BLOCK: "the parameter block is not valid, or of another kind or layout",
-    Reason.GENERATION: "the parameter block has another generation than was announced",
-    Reason.SESSION: "it knows of no session: it was started again; open the port again",
-    Reason.CURRENT: "current still flows; ask again once it is zero",
-    Reason.SCALE: "the parameter block is made for other signals than the board's",
+    Reason.GENERATION: "the generation of the parameter block is not the announced one",
+    Reason.SESSION: "no session is open, the controller was restarted; open the port again",
+    Reason.CURRENT: "current still flows; repeat the request when it is zero",
+    Reason.SCALE: "the parameter block is made for other signals than those of the board",
 }
 
 
@@ -155,7 +155,7 @@ class ControllerLink:
         """Send a parameter block and activate it between two ticks; returns the active generation."""
         block_words = [int(word) for word in words]
         if len(block_words) <= GENERATION_INDEX:
-            text = f"a block of {len(block_words)} words: is too short; send a whole one"
+            text = f"a block of {len(block_words)} words: is too short; send a complete block"
             raise InputError(text, code="block-too-short")
         generation = block_words[GENERATION_INDEX] & 0xFFFF
         with self._lock:
@@ -248,7 +248,7 @@ class ControllerLink:
             answer = None
         if answer is None:
             raise InputError(
-                f"{self.url}: an answer of type {frame.type:#04x} that this version does not know; "
+                f"{self.url}: an answer of type {frame.type:#04x} that is unknown to this version; "
                 "use the firmware of this version of anhyst",
                 code="other-firmware",
             )
@@ -260,17 +260,17 @@ class ControllerLink:
 
     def _make_version_error(self, version: int) -> InputError:
         return InputError(
-            f"{self.url}: the firmware speaks version {version} of the protocol, this anhyst "
-            f"version {frames.VERSION}; build and flash the firmware of this anhyst",
+            f"{self.url}: the firmware uses protocol version {version}, this anhyst version "
+            f"{frames.VERSION}; build and flash the firmware of this anhyst",
             code="other-protocol-version",
         )
 
     def make_timeout_error(self) -> InputError:
         """Return the error of a controller that does not answer."""
         return InputError(
-            f"{self.url}: no answer within {self.timeout * self.attempts:.1f} s; see that the "
-            "controller runs, that the cable and the baud rate are right, and that no other "
-            "program talks to it",
+            f"{self.url}: no answer within {self.timeout * self.attempts:.1f} s; check that "
+            "the controller runs, that cable and baud rate are correct, and that no other program "
+            "uses the port",
             code="no-answer",
         )
 

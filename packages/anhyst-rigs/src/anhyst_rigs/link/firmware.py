@@ -52,7 +52,7 @@ BOARDS = {
 def build(board: str, parameters: PathLike, out: PathLike) -> Path:
     """Build the firmware of a board around a compiled compensator."""
     if board not in BOARDS:
-        text = f"board {board}: is not known; choose one of {', '.join(BOARDS)}"
+        text = f"board {board}: is unknown; choose one of {', '.join(BOARDS)}"
         raise InputError(text, code="unknown-board", key="board")
     folder = Path(parameters).resolve()
     actuator = _read_actuator_name(folder)
@@ -83,11 +83,11 @@ def _read_actuator_name(folder: Path) -> str:
         manifest = json.loads(path.read_text(encoding="utf-8"))
         name, rate = str(manifest["name"]), float(manifest["rate_Hz"])
     except (OSError, ValueError, KeyError, TypeError):
-        text = f"{path}: is not there or names no actuator; name a folder that anhyst compile wrote"
+        text = f"{path}: is missing or has no actuator name; enter a folder of anhyst compile"
         raise InputError(text, code="not-a-compiled-folder") from None
     if rate != int(rate) or not 10 <= rate <= 1_000_000:
         raise InputError(
-            f"{path}: rate_Hz is {rate:g}; compile for a whole number of ticks a second, 10 to "
+            f"{path}: rate_Hz is {rate:g}; compile for a whole number of ticks per second, 10 to "
             "1000000",
             code="rate-not-whole",
             key="rate_Hz",
@@ -117,7 +117,7 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
             if file.stem == f"board_{controller_kind}" or not file.stem.startswith("board_")
         )
     if not any(source.name == f"board_{controller_kind}.c" for source in sources):
-        text = f"board {name}: has no controller of {controller_kind}; take another board"
+        text = f"board {name}: has no {controller_kind} controller; choose another board"
         raise InputError(text, code="board-has-no-controller", key=name)
     major, minor = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
     defines = {"BOARD_FIRMWARE_VERSION": str(256 * major + minor), **actuator_defines(actuator)}

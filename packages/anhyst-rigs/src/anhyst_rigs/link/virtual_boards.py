@@ -73,7 +73,7 @@ def exchange_over_socket(connection: socket.socket, timeout_s: float = 10.0) -> 
         connection.sendall(sample.pack())
         record = connection.recv(_DRIVE_BYTES, socket.MSG_WAITALL)
         if not record:
-            raise ConnectionError("it hung up")
+            raise ConnectionError("connection closed")
         return PlantDrive.unpack(record)
 
     return exchange
@@ -107,7 +107,7 @@ class PlantBus:
         try:
             drive = self.exchange(sample)
         except (OSError, ValueError) as error:
-            text = f"the controller did not finish tick {tick}: {error}; see its output"
+            text = f"the controller did not finish tick {tick}: {error}; check its output"
             raise InputError(text, code="tick-not-finished") from error
         if drive.tick != tick:
             raise InputError(
@@ -162,8 +162,8 @@ def check_runs_here(board: str) -> None:
     """Refuse a virtual board on a system whose processes cannot inherit sockets."""
     if sys.platform == "win32":
         raise InputError(
-            f"board {board}: runs on Linux and macOS, not on Windows; run anhyst in WSL, or plug a "
-            "controller in and name its port",
+            f"board {board}: runs on Linux and macOS, not on Windows; run anhyst in WSL, or connect "
+            "a controller and enter its port",
             code="not-on-this-system",
         )
 
@@ -211,7 +211,7 @@ class LibraryBoard:
     def exchange(self, sample: PlantSample) -> PlantDrive:
         """Run a tick."""
         if self._is_off:
-            raise ValueError("it is switched off")
+            raise ValueError("the board is switched off")
         words = sample.FIXED.pack(*vars(sample).values())
         self._firmware.library_tick(self._memory, words, self._drive_buffer)
         return PlantDrive(*PlantDrive.FIXED.unpack(self._drive_buffer.raw))

@@ -187,12 +187,12 @@ _WRITE_TIMEOUT_S = 5.0
 """Longest time without a byte accepted by a port, s."""
 
 _ERROR_TEXTS = {
-    errno.ENOENT: "is not there; plug the controller in, or name another port",
-    errno.ENXIO: "is not there; plug the controller in, or name another port",
-    errno.EACCES: "may not be opened; join the group that owns it (often dialout)",
-    errno.EBUSY: "is taken by another program; close that first",
-    errno.EWOULDBLOCK: "is taken by another program; close that first",
-    errno.ENOTTY: "is not a serial port; name a port such as /dev/ttyACM0 or socket://host:port",
+    errno.ENOENT: "is missing; connect the controller, or enter another port",
+    errno.ENXIO: "is missing; connect the controller, or enter another port",
+    errno.EACCES: "permission denied; join the group that owns it (often dialout)",
+    errno.EBUSY: "is used by another program; close that program",
+    errno.EWOULDBLOCK: "is used by another program; close that program",
+    errno.ENOTTY: "is not a serial port; enter a port such as /dev/ttyACM0 or socket://host:port",
 }
 
 
@@ -239,7 +239,7 @@ class Port:
                 return
             while data:
                 if not select.select([], [self._fd], [], _WRITE_TIMEOUT_S)[1]:
-                    raise OSError(errno.EIO, "it takes nothing")
+                    raise OSError(errno.EIO, "no byte was accepted")
                 with suppress(BlockingIOError):
                     data = data[os.write(self._fd, data) :]
         except (OSError, serial.SerialException) as error:
@@ -268,7 +268,7 @@ class Port:
 
     def _make_gone_error(self) -> InputError:
         return InputError(
-            f"{self.url}: the port is gone; see the cable and the controller's power",
+            f"{self.url}: the port is gone; check the cable and the power of the controller",
             code="port-gone",
         )
 
@@ -285,7 +285,7 @@ def _open_serial(url: str, baud: int) -> Any:
         raise InputError(f"{url}: {_explain_error(error)}", code="port-not-open") from error
     except ValueError as error:
         raise InputError(
-            f"{url}: {error}; name a port or socket://host:port", code="port-not-open"
+            f"{url}: {error}; enter a port or socket://host:port", code="port-not-open"
         ) from error
     except OSError as error:
         raise InputError(f"{url}: {_explain_error(error)}", code="port-not-open") from error
@@ -299,12 +299,12 @@ def _explain_error(error: Exception) -> str:
         return _ERROR_TEXTS[number]
     text = str(error)
     if "refused" in text:
-        return "nobody listens there; start the controller first"
+        return "connection refused; start the controller first"
     if "exclusively lock" in text:
         return _ERROR_TEXTS[errno.EBUSY]
     if "configure port" in text:
         return _ERROR_TEXTS[errno.ENOTTY]
-    return f"cannot be opened: {text}; name another port"
+    return f"cannot be opened: {text}; enter another port"
 
 
 def _file_descriptor(port: Any) -> int | None:

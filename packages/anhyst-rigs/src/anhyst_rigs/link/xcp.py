@@ -86,7 +86,7 @@ class XcpLine:
             if answer is None and self.serial and not self._closed.is_set():
                 self._synchronise()  # a late answer would be assigned to the next command
                 raise AnswerLostError(
-                    f"{self.url}: an answer was lost; see whether the command was done",
+                    f"{self.url}: an answer was lost; check whether the command was executed",
                     code="answer-lost",
                 )
             if answer is None:
@@ -101,7 +101,7 @@ class XcpLine:
             if not self._samples and self._closed.is_set():
                 raise self.make_lost_error()
             if not self._samples:
-                text = f"{self.url}: no tick came for {self.timeout:g} s; the controller stands"
+                text = f"{self.url}: no tick arrived for {self.timeout:g} s; the controller does not run"
                 raise InputError(text, code="no-tick")
             packets = b"".join(self._samples)
             self._samples.clear()
@@ -110,7 +110,7 @@ class XcpLine:
     def make_lost_error(self) -> InputError:
         """Return the error of a controller that closed the line or does not answer."""
         return InputError(
-            f"{self.url}: the controller is gone; see its power and the line", code="port-gone"
+            f"{self.url}: the controller is gone; check its power and the line", code="port-gone"
         )
 
     def _next_answer(self) -> bytes | None:
@@ -140,7 +140,7 @@ class XcpLine:
                 incomplete = result.rest
                 self.skipped_bytes += result.skipped_bytes
                 if result.is_broken:
-                    raise InputError(f"{self.url}: does not speak XCP", code="no-xcp")
+                    raise InputError(f"{self.url}: does not support XCP", code="no-xcp")
                 self._dispatch(result.packets)
                 time.sleep(_BATCH_S)
         except InputError:
@@ -311,7 +311,7 @@ class XcpMaster:
             for _ in range(_MAX_CLOCK_READS):
                 if self.read_clock() != written_tick:
                     return State(self._read_value(_STATE_ADDRESS))
-        raise InputError(f"{self.url}: no tick passes; the controller stands", code="no-tick")
+        raise InputError(f"{self.url}: no tick passes; the controller does not run", code="no-tick")
 
     def write_demand(self, code: int) -> None:
         """Demand a force or a position, q31 of full scale."""
@@ -408,7 +408,7 @@ class XcpMaster:
         if answer[0] != _ANSWER_PID:
             raise InputError(
                 f"{self.url}: XCP command {command:#04x} was refused with error {answer[1]:#04x}; "
-                "see that the firmware is of this version of anhyst",
+                "check that the firmware belongs to this version of anhyst",
                 code="xcp-refused",
             )
         return answer
@@ -434,7 +434,7 @@ class XcpBridge:
         try:
             self._listener = socket.create_server(("127.0.0.1", port))
         except OSError as error:
-            text = f"port {port}: {error.strerror}; name another, or 0"
+            text = f"port {port}: {error.strerror}; enter another port, or 0"
             raise InputError(text, code="port-not-open", key="port") from error
         self.port = int(self._listener.getsockname()[1])
 
@@ -501,6 +501,6 @@ class XcpBridge:
             if refused.reason is not Reason.TYPE:
                 raise
             raise InputError(
-                f"{self._controller.url}: this firmware carries no XCP; build it with this anhyst",
+                f"{self._controller.url}: this firmware has no XCP; build it with this anhyst",
                 code="no-xcp",
             ) from None

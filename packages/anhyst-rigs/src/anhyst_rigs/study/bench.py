@@ -83,7 +83,7 @@ def controller_url(xcp: str | None, port: str | None) -> str | None:
     """Return the XCP URL of a controller (TCP or serial); None if neither is given."""
     if xcp is not None and port is not None:
         raise InputError(
-            "--port: one controller at a time; leave it or --xcp out",
+            "--port: one controller at a time; omit --port or --xcp",
             code="options-together",
             key="--port",
         )
@@ -106,7 +106,7 @@ def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
     rig = read_rig(rig_path)
     if manifest["controller"] is not None or manifest["io"] not in ("q15", "q31"):
         raise InputError(
-            f"{folder}: is no fixed-point controller of force; compile one",
+            f"{folder}: is not a fixed-point controller of force; compile one",
             code="not-a-compiled-folder",
         )
     loops = read_rig_loops(rig)
@@ -138,8 +138,8 @@ def _manifest(folder: PathLike) -> dict[str, Any]:
         manifest = None
     if not isinstance(manifest, dict) or "signals" not in manifest:
         raise InputError(
-            f"{path}: is not there or no manifest; name the folder that anhyst compile wrote and "
-            "the firmware is built around",
+            f"{path}: is missing or not a manifest; enter the folder that anhyst compile wrote for "
+            "the firmware",
             code="not-a-compiled-folder",
         )
     return manifest

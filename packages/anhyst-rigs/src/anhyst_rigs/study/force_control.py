@@ -111,7 +111,7 @@ class ForceControl(StudyResult):
             )
         if differing_ticks := self.figures["ticks_that_differ"]:
             raise NegativeResult(
-                "the firmware gave another current than the simulated program at "
+                "the current of the firmware differs from the simulated program at "
                 f"{differing_ticks} ticks",
                 code="firmware-differs",
             )
@@ -131,7 +131,7 @@ class ForceControl(StudyResult):
             mean_error_N = np.mean(
                 [row["error_rms_N"] for row in errors if row["controller"] == name]
             )
-            facts[name] = f"force off by {mean_error_N:.3g} N rms"
+            facts[name] = f"force error {mean_error_N:.3g} N rms"
         return facts | self.losses_fact()
 
     def _errors(self) -> list[dict[str, Any]]:
@@ -293,13 +293,13 @@ def _read_demand(rig: ForceControlRig, path: PathLike) -> Demand:
     if force.min() < 0.0 or force.max() > force_max_N:
         row = int(np.argmax((force < 0.0) | (force > force_max_N)))
         raise InputError(
-            f"{path}: sample {row}: {force[row]:g} N is beyond 0 to {force_max_N:g} N "
+            f"{path}: sample {row}: {force[row]:g} N is outside 0 to {force_max_N:g} N "
             f"(force_max_N of {rig.path}); lower the demand",
             code="out-of-range",
         )
     if not 0.0 < time[-1] - time[0] <= MAX_DEMAND_S:
         raise InputError(
-            f"{path}: lasts {time[-1] - time[0]:g} s; give a demand of up to {MAX_DEMAND_S:g} s",
+            f"{path}: lasts {time[-1] - time[0]:g} s; enter a demand of at most {MAX_DEMAND_S:g} s",
             code="too-long",
         )
     ticks = np.arange(round((time[-1] - time[0]) * rig.settings.timing.rate_Hz) + 1)

@@ -249,9 +249,9 @@ def find_losses(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]
         current = recording["current_A"][demand.lead_in :]
         bounds = (
             SignalBound(
-                "the force was off by the largest of the rig", error, -force_max, force_max
+                "the force error reached the largest force of the rig", error, -force_max, force_max
             ),
-            SignalBound("the current left all bounds", current, -math.inf, math.inf),
+            SignalBound("the current became infinite", current, -math.inf, math.inf),
         )
         loss = find_loss(bounds, planned=demand.force.size - demand.lead_in)
         if loss is not None:

@@ -252,14 +252,14 @@ def tighten_limits(specimen: Specimen, operator_limits: Mapping[str, float]) -> 
     for name, value in operator_limits.items():
         if name not in bounds:
             raise InputError(
-                f"limits: there is no '{name[:40]}'; choose of {', '.join(bounds)}",
+                f"limits: unknown limit '{name[:40]}'; choose from {', '.join(bounds)}",
                 code="unknown-limit",
                 key="limits",
             )
         bound = bounds[name]
         if not 0.0 < value <= bound.value:
             raise InputError(
-                f"{name}: is not above 0 and up to {bound.value:.4g}, {bound.key}",
+                f"{name}: {value:g} is not above 0 and at most {bound.value:.4g} ({bound.key})",
                 code="out-of-range",
                 key=name,
             )

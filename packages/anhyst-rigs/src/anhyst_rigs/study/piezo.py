@@ -121,7 +121,7 @@ class PiezoTracking(StudyResult):
         if lost := self.runs["full"].loss_text:
             raise NegativeResult(
                 f"the loop was lost {lost}: a bandwidth of "
-                f"{self.rig.settings.displacement.bandwidth_Hz:g} Hz does not hold this stage; "
+                f"{self.rig.settings.displacement.bandwidth_Hz:g} Hz is too high for this stage; "
                 "the recording is kept",
                 code="loop-lost",
             )

@@ -92,7 +92,7 @@ class PreparedBearing:
         variant = self.setup.method
         if not isinstance(running, HysteresisInverse) or variant not in {"full", "simplified"}:
             raise InputError(
-                f"the controller runs without a model ('{variant}'): none to change",
+                f"the controller runs without a model ('{variant}'), so there is none to replace",
                 code="no-model",
             )
         controller_table, scales = self.setup.controller, running.scales
@@ -103,8 +103,8 @@ class PreparedBearing:
         )
         if model.valid is not None and current > MAX_CURRENT_RATIO * model.valid.input[1]:
             raise InputError(
-                f"model: was seen up to {model.valid.input[1]:g} A, the controller drives up to "
-                f"{current:g} A; measure further",
+                f"model: was measured up to {model.valid.input[1]:g} A, the controller drives up to "
+                f"{current:g} A; measure up to this current",
                 code="currents-not-covered",
                 key="model",
             )
@@ -205,8 +205,8 @@ class PreparedBoard(ForceRig):
         low, high = self.scales.gap_low, self.scales.gap_high
         if low < high and not model.needs_schedule:
             raise InputError(
-                f"model: holds at one gap, the board works from {low:g} to {high:g} m; identify one "
-                "of loops at several gaps and build the firmware around it",
+                f"model: is valid at one gap, the board works from {low:g} to {high:g} m; identify a "
+                "model from loops at several gaps and build the firmware with it",
                 code="single-gap",
                 key="model",
             )
@@ -273,16 +273,16 @@ def _adapt_to_board(model: Model, running: Model, kind: Kind) -> Model:
         return model.at_rest
     if not model.has_layers:
         raise InputError(
-            "model: does not say how late solid iron answers, which the controller follows; measure "
-            "at several speeds too (measurement.fast_A_per_s)",
+            "model: has no eddy-current layers, which the controller needs; measure at several "
+            "speeds (measurement.fast_A_per_s)",
             code="rate-not-measured",
             key="model",
         )
     assert model.layers is not None
     if model.layers.state_copies > running.layers.state_copies:
         raise InputError(
-            f"model: {model.layers.state_copies} memories of its iron, the controller has room for "
-            f"{running.layers.state_copies}; build the firmware around it",
+            f"model: {model.layers.state_copies} hysteresis states, the controller has room for "
+            f"{running.layers.state_copies}; build the firmware with this model",
             code="too-many-layers",
             key="model",
         )
@@ -319,7 +319,7 @@ def _covered_gaps(model: Model, scales: Scales) -> tuple[float, float] | None:
             "no gap" if model_gaps is None else f"gaps of {model_gaps[0]:g} to {model_gaps[1]:g} m"
         )
         raise InputError(
-            f"model: holds at {known_text}, the board works from {low:g} to {high:g} m; measure loops "
+            f"model: is valid at {known_text}, the board works from {low:g} to {high:g} m; measure loops "
             "at both ends",
             code="gaps-not-covered",
             key="model",

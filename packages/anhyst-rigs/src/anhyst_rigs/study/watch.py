@@ -171,11 +171,11 @@ class Finding:
             drift = self.drift
             return (
                 f"the {drift.kind} has drifted by {drift.shift:+.3g} N since {drift.begin_tick / rate:.1f} s "
-                f"(found at {drift.found_tick / rate:.1f} s); the model leaves {self.residual:.3g} N rms instead "
-                f"of {self.usual_residual:.3g} N, measure again"
+                f"(found at {drift.found_tick / rate:.1f} s); the residual is {self.residual:.3g} N rms instead "
+                f"of {self.usual_residual:.3g} N; measure again"
             )
         if self.is_learning:
-            return f"learning: {self.cycles} of {LEARNING_CYCLES} cycles of the current seen"
+            return f"learning: {self.cycles} of {LEARNING_CYCLES} cycles of the current"
         return f"the model fits, over {count_text(self.cycles, 'cycle')}"
 
 
@@ -271,7 +271,7 @@ class DriftMonitor:
             self._last_tick is not None and ticks[0] <= self._last_tick
         ):
             raise InputError(
-                "ticks do not rise; give the chunks in their order", code="time-not-rising"
+                "ticks do not increase; pass the chunks in order", code="time-not-rising"
             )
         self._last_tick = int(ticks[-1])
         residuals = force - self._stepper.follow(current, gap)

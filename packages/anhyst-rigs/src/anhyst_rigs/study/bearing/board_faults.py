@@ -154,7 +154,7 @@ def _send_bad_blocks(bench: BearingBench, tick: int) -> bool:
             except RequestRefusedError:
                 continue
             raise NegativeResult(
-                "the controller took a parameter block that is not valid", code="bad-block-taken"
+                "the controller accepted an invalid parameter block", code="bad-block-taken"
             )
     return True
 
@@ -179,9 +179,7 @@ def fault_injections() -> Iterator[FaultInjection]:
         "three samples missing", Fault.NONE, _replace_readings(3, status=_NO_SAMPLE_BIT)
     )
     position_missing = Fault.POSITION_MISSING
-    yield FaultInjection(
-        "no samples any more", position_missing, _replace_readings(status=_NO_SAMPLE_BIT)
-    )
+    yield FaultInjection("no samples", position_missing, _replace_readings(status=_NO_SAMPLE_BIT))
     yield FaultInjection(
         "samples missing for 2 ms", position_missing, _replace_readings(40, status=_NO_SAMPLE_BIT)
     )

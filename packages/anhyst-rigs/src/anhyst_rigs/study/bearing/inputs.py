@@ -98,8 +98,8 @@ def check_calibration_covers(rig: BodyRig, method: MethodName, named: Path | str
     """Refuse a calibration without the given method; `named` is the path in the message."""
     if rig.calibration_path is not None and rig.method_calibration(method) is None:
         raise InputError(
-            f"{rig.path}: control.calibration: {named} says nothing of '{method}', and others would "
-            "be calibrated alone; calibrate again, with all methods",
+            f"{rig.path}: control.calibration: {named} does not contain '{method}', so only other "
+            "methods would be calibrated; calibrate again with all methods",
             code="method-missing",
             key="control.calibration",
         )

@@ -114,7 +114,7 @@ class BoardComparison:
             With the reason.
         """
         if self.differing_ticks:
-            text = "the firmware drove another current than the simulation at "
+            text = "the current of the firmware differs from the simulation at "
             text += f"{self.differing_ticks} of {len(self.recorded)} ticks"
             raise NegativeResult(text, code="firmware-differs")
         if not self.has_landed:
@@ -124,7 +124,7 @@ class BoardComparison:
             outcome.injection.name for outcome in self.outcomes if not outcome.is_as_expected
         ]
         if unexpected:
-            text = f"the firmware did not notice what it should: {'; '.join(unexpected)}"
+            text = f"the firmware reported a wrong reason or none for: {'; '.join(unexpected)}"
             raise NegativeResult(text, code="faults-not-noticed")
 
 
@@ -148,7 +148,7 @@ def run_board(
 ) -> BoardComparison:
     """Compile the controller of a rig, build it into the firmware of a board, and run it."""
     if Path(out).suffix != ".json":
-        text = f"{out}: the run of a firmware is written as .json; name it so"
+        text = f"{out}: the run of a firmware is written as .json; use this ending"
         raise InputError(text, code="wrong-ending")
     check_compiler(board)
     if board == QEMU:
@@ -199,8 +199,8 @@ def build_firmware(
     settings = dict(setup.position_control.settings("fixed"))
     if compiled.manifest["controller"]["settings"] != settings:
         raise InputError(
-            f"{controller.path}: does not say of the amplifiers, or of a second magnet, what "
-            f"{rig.path} says; write [converter], and [pair] where there is one",
+            f"{controller.path}: differs from {rig.path} in the amplifiers or the second magnet; "
+            "enter [converter], and [pair] if there is a second magnet",
             code="controller-and-rig-differ",
         )
     return setup, build(board, folder / "c", folder / "firmware")

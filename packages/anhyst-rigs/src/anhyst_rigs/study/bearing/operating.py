@@ -119,7 +119,7 @@ def check_load(rig: BodyRig, force_max: float) -> None:
     """Refuse a load that is larger than the largest force."""
     load_N, faults = rig.static_load, list[FileFault]()
     if not load_N < force_max:
-        text = f"no current can carry {load_N:.4g} N, the magnet reaches {force_max:.4g} N"
+        text = f"no current can carry {load_N:.4g} N: the magnet reaches {force_max:.4g} N"
         text += "; lower it or raise current_high_A"
         faults.append(FileFault(("load", "force_N"), text, code="load-too-large"))
     for index, step in enumerate(rig.settings.load_steps_N):
@@ -137,9 +137,7 @@ def check_rate(rig: BodyRig, pole_Hz: float) -> None:
     """Refuse a sample rate that is too low for the unstable pole of the plant."""
     rate_Hz, min_rate_Hz = rig.settings.timing.rate_Hz, MIN_TICKS_PER_POLE * pole_Hz
     if rate_Hz < min_rate_Hz:
-        text = (
-            f"{rate_Hz:.6g} Hz is too slow for a plant whose unstable pole lies at {pole_Hz:.4g} Hz"
-        )
+        text = f"{rate_Hz:.6g} Hz is too low for the unstable pole of the plant at {pole_Hz:.4g} Hz"
         text += f"; use at least {MIN_TICKS_PER_POLE:g} times that, {math.ceil(min_rate_Hz)} Hz"
         raise faults_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
@@ -258,7 +256,9 @@ def measure_slopes(
     """Measure the slopes of a magnet with hysteresis on its steady-state loop."""
     slope_span, reversal_step = _SLOPE_SPAN * (high - low), _REVERSAL_STEP * (high - low)
     if not low + slope_span < current < high - slope_span:
-        raise ValueError(f"the current of {current:g} A is not well within {low:g}..{high:g} A")
+        raise ValueError(
+            f"the current of {current:g} A is too close to the ends of {low:g}..{high:g} A"
+        )
     below_gap, at_gap, above_gap = (
         _mean_branch(apply, current, held_gap, low, high)
         for held_gap in (gap - gap_step, gap, gap + gap_step)

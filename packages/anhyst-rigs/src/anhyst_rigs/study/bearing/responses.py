@@ -463,7 +463,7 @@ def judge_steps(steps: Sequence[StepComparison], variant: MethodName) -> Judgeme
         sum(getattr(comparison, direction) for comparison in flux_comparisons)
         for direction in ("is_better", "is_worse")
     )
-    text = f"{judgement.text}; than measured flux less at {less_count} and more at {more_count}"
+    text = f"{judgement.text}; compared with measured flux, less at {less_count} and more at {more_count}"
     return replace(judgement, text=text)
 
 

@@ -151,14 +151,14 @@ class Aims:
         for name, limit in self.limits.items():
             if not (math.isfinite(limit) and limit > 0.0):
                 raise InputError(
-                    f"aim {name}: {limit} is not above zero; give another limit",
+                    f"aim {name}: {limit} is not above zero; enter a positive limit",
                     code="not-above-zero",
                     key=name,
                 )
         if self.peak_sensitivity <= 1.0:
             raise InputError(
-                f"aim peak_sensitivity: {self.peak_sensitivity:g} is not above 1, and no loop "
-                "with delay stays below; give 1.5 to 5",
+                f"aim peak_sensitivity: {self.peak_sensitivity:g} is not above 1, which no loop "
+                "with delay reaches; enter 1.5 to 5",
                 code="out-of-range",
                 key="peak_sensitivity",
             )

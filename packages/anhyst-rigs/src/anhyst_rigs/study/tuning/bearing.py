@@ -180,7 +180,7 @@ class BearingLoop:
     ) -> list[Limit]:
         """Report what limits the gains that were found and checked."""
         if not math.isfinite(check_result.worst.cost):
-            return [Limit("settling_time_s", "no gains settled within the hold at every condition")]
+            return [Limit("settling_time_s", "no gains settle within the hold at every condition")]
         return [
             *check_result.find_binding_aims(aims),
             *_noise_limits(self.setup, check_result),
@@ -279,7 +279,7 @@ def _noise_limits(setup: BearingSetup, reached: CheckResult) -> list[Limit]:
     return [
         Limit(
             "noise",
-            f"three times the standstill of {1e9 * standstill_m:.0f} nm rms fill {100.0 * share:.0f} % of "
+            f"three times the standstill of {1e9 * standstill_m:.0f} nm rms fills {100.0 * share:.0f} % of "
             f"the band in which a step of {1e6 * height:g} um must stay (position sensor: {sensor_kind})",
         )
     ]
@@ -359,7 +359,7 @@ def _find_helpful_changes(
     changes: dict[str, tuple[str, Screen, Aims]] = {
         "overshoot_percent": (f"an overshoot of {overshoot:g} %", screen, relaxed_aims),
         "force": (
-            "half as much force again for the largest step",
+            "50 % more force for the largest step",
             screen.with_scaled_force(1.5),
             aims,
         ),

@@ -65,13 +65,13 @@ class PiezoCondition:
 
 
 NOMINAL = PiezoCondition("the triangle")
-RANDOM_PLANTS = PiezoCondition(f"{CHECK_PLANTS} plants drawn as [spread] says")
+RANDOM_PLANTS = PiezoCondition(f"{CHECK_PLANTS} random plants of [spread]")
 SEARCH_CONDITIONS = (
     NOMINAL,
-    *(PiezoCondition(f"drawn plant {n + 1}", n) for n in range(SEARCH_PLANTS)),
+    *(PiezoCondition(f"random plant {n + 1}", n) for n in range(SEARCH_PLANTS)),
 )
 CHECK_CONDITIONS = tuple(
-    PiezoCondition("a fresh plant", _FIRST_CHECK_PLANT + n) for n in range(CHECK_PLANTS)
+    PiezoCondition("a further random plant", _FIRST_CHECK_PLANT + n) for n in range(CHECK_PLANTS)
 )
 
 
@@ -302,7 +302,7 @@ class PiezoLoop:
         errors = [result.error_rms_m for result in random_results]
         lost = sum(map(math.isinf, errors))
         median_nm, largest_nm = 1e9 * np.median(errors), 1e9 * max(errors)
-        error_text = f"rms error {median_nm:.3g} nm in the middle, {largest_nm:.3g} nm at most"
+        error_text = f"rms error {median_nm:.3g} nm in the median, {largest_nm:.3g} nm at most"
         return CheckResult(
             figures={
                 NOMINAL: PiezoFigures(**means),
@@ -328,7 +328,7 @@ class PiezoLoop:
     ) -> list[Limit]:
         """Report what limits the checked gains: aims, and changes that would help."""
         if not math.isfinite(check_result.worst.cost):
-            return [Limit("error_rms_m", "not every noise seed and drawn plant was held")]
+            return [Limit("error_rms_m", "the loop was lost with a noise seed or a random plant")]
         linear = self.linear_loops(self.conditions)
         twice_damping = linear.with_doubled("flexure", "damping_ratio")
         changes = {
@@ -337,9 +337,7 @@ class PiezoLoop:
         }
 
         def text(change: str, cost: float, base: float) -> str:
-            return (
-                f"with {change} linear loops would leave {100.0 * cost / base:.0f} % of the error"
-            )
+            return f"with {change} linear loops would have {100.0 * cost / base:.0f} % of the error"
 
         minimum_cost = partial(find_minimum_cost, self.space, seed)
         return [
@@ -355,7 +353,7 @@ class PiezoLoop:
     @property
     def trial_text(self) -> str:
         """Description of the trial at every condition."""
-        return f"judged on the triangle and on {RANDOM_PLANTS.text}"
+        return f"evaluated on the triangle and on {RANDOM_PLANTS.text}"
 
     def facts(self) -> dict[str, Any]:
         """Return the data of the rig for tuning.json."""
@@ -365,6 +363,6 @@ class PiezoLoop:
         """Return lines of text that explain the parameters of a point."""
         notch = f"a notch at {parameters['notch_Hz']:.4g} Hz from a damping of"
         return [
-            f"Integrator of {parameters['bandwidth_Hz']:.4g} Hz behind {notch} "
+            f"Integrator of {parameters['bandwidth_Hz']:.4g} Hz with {notch} "
             f"{parameters['notch_damping']:.3g} to {parameters['notch_width']:.3g}."
         ]

@@ -125,13 +125,13 @@ class Tuning(Result):
 _PHRASES = {
     "settling_time_s": ("settles in", "in", "settling time", BENEFICIAL_CONDITIONS["feedback"]),
     "average_m": (
-        "leaves a moving average of",
+        "has a moving average of",
         "one of",
         "moving average",
         BENEFICIAL_CONDITIONS["stage"],
     ),
     "error_rms_m": (
-        "leaves an rms error of",
+        "has an rms error of",
         "one of",
         "rms error",
         BENEFICIAL_CONDITIONS["piezo"],
@@ -155,8 +155,8 @@ def verdict_text(tuning: Tuning) -> str:
     if not model_variants or not baselines:
         names = " and ".join(f"'{name}'" for name in tuning.tuned)
         return (
-            f"worth it or not remains open: {names} alone was tuned; --all-variants tunes the "
-            "baselines for the same aims, and 'anhyst simulate' compares at the same gains"
+            f"no verdict: only {names} was tuned; --all-variants tunes the baselines for the same "
+            "aims, and 'anhyst simulate' compares at the same gains"
         )
     text = _compare_with_baseline(
         _sort_best_first(model_variants)[0], _sort_best_first(baselines)[0]
@@ -327,7 +327,7 @@ def make_markdown(tuning: Tuning) -> str:
         "",
         f"Verdict: {verdict_text(tuning)}.",
         "",
-        "What limits, and what was found besides:",
+        "Limits and further results:",
         "",
     ]
     for name, tuned in tuning.tuned.items():

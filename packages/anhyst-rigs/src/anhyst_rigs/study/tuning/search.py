@@ -427,9 +427,8 @@ class GainSearch:
         self._evaluate_points(np.array(points), self.loop.conditions, self.aims, math.inf)
         if not self._candidates:
             raise NegativeResult(
-                f"none of {len(points)} sets of gains that linear loops like best holds the body "
-                "wherever it is tried; 'anhyst simulate' reports how it is lost: look at the limits "
-                "and the load",
+                f"none of the {len(points)} best sets of gains of linear loops holds the body at all "
+                "conditions; run 'anhyst simulate' to see the loss, and check the limits and the load",
                 code="no-gains-hold",
             )
 

@@ -335,7 +335,7 @@ class StageLoop:
     ) -> list[Limit]:
         """Report what limits checked gains: aims, force, crossover, helpful changes."""
         if not math.isfinite(check_result.worst.cost):
-            return [Limit("average_m", "not every noise seed and drawn plant was held")]
+            return [Limit("average_m", "the loop was lost with a noise seed or a random plant")]
         limits = check_result.find_binding_aims(aims)
         motion, file = self._set_point(TEST), self.setup.rig.settings
         demand_N = track(self.setup, motion, self.feedforward, seed)["demand_N"]
@@ -364,7 +364,7 @@ class StageLoop:
 
         def text(change: str, cost: float, base: float) -> str:
             percent = 100.0 * cost / base
-            return f"with {change} linear loops would leave {percent:.0f} % of the moving average"
+            return f"with {change} linear loops would have {percent:.0f} % of the moving average"
 
         minimum_cost = partial(find_minimum_cost, self.space, seed)
         return find_helpful_changes(minimum_cost, loop, aims, changes, jobs, text)
@@ -377,7 +377,7 @@ class StageLoop:
     @property
     def trial_text(self) -> str:
         """Description of the check."""
-        return f"judged on {TEST.text} and on {CHECK_PLANTS} drawn plants"
+        return f"evaluated on {TEST.text} and on {CHECK_PLANTS} random plants"
 
     def facts(self) -> dict[str, Any]:
         """Return the data of the rig for tuning.json."""
@@ -420,9 +420,9 @@ def _summarise_plants(drawn: Sequence[StageFigures | None]) -> tuple[dict[str, A
     peaks = [figures.error_peak_m for figures in survivors]
     plants = {"drawn": count, "lost": lost_count, "average_m": averages, "error_peak_m": peaks}
     if lost_count:
-        return plants, f"{lost_count} of {count} drawn plants were lost"
+        return plants, f"{lost_count} of {count} random plants were lost"
     averages_nm = [1e9 * average for average in averages]
     return plants, (
-        f"{count} plants drawn as [spread] says: moving average {np.median(averages_nm):.3g} nm in "
-        f"the middle, {max(averages_nm):.3g} nm at most"
+        f"{count} random plants of [spread]: moving average {np.median(averages_nm):.3g} nm in "
+        f"the median, {max(averages_nm):.3g} nm at most"
     )

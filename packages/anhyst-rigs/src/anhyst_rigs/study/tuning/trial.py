@@ -188,7 +188,7 @@ class CheckResult:
                 location += f", around {self.peak_frequencies[condition]:.0f} Hz"
             elif name in self.locations:
                 location += f", {self.locations[name]}"
-            verb = "misses" if value > limit else "nearly takes"
+            verb = "exceeds" if value > limit else "almost reaches"
             bound = GAIN_METRICS[name].format_limit(limit)
             limits.append(
                 Limit(name, f"{format_figure(name, value)} {verb} its limit of {bound} {location}")

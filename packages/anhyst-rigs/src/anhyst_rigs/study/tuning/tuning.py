@@ -70,7 +70,7 @@ def tune(
     """Find controller gains for stated aims, for any kind of rig: `anhyst.tune`."""
     if budget < 10:
         raise InputError(
-            f"--budget: {budget} sets of gains are too few; give 10 or more",
+            f"--budget: {budget} sets of gains are too few; enter at least 10",
             code="out-of-range",
             key="--budget",
         )
@@ -157,7 +157,7 @@ class TuningSubject(ABC):
             for name in (*files.values(), *RESULT_FILES):
                 check_writable(folder / name, input_files=reads)
         elif folder.exists():
-            raise InputError(f"{folder}: is a file; name a folder", code="is-a-file")
+            raise InputError(f"{folder}: is a file; enter a folder", code="is-a-file")
         else:
             # If a file of this name could be made, so can the folder.
             existing_parent = next(
@@ -306,7 +306,9 @@ def _tune_all(
             part(1, 1)
         except KeyboardInterrupt:
             if not tuned:
-                raise Interrupted("too early for any gains, nothing written") from None
+                raise Interrupted(
+                    "no gains were found yet, nothing was written"
+                ) from None
             return tuned, True
         tuned[name] = TunedVariant(name, result, tuple(limits), gain_search.aims)
         if result.interrupted:
