@@ -265,7 +265,7 @@ def test_a_calibration_that_says_nothing_of_the_controllers_method_is_refused(
         method=[method],
     )
     Calibration(file).save(tmp_path / "calibration.toml")
-    with pytest.raises(InputError, match="says nothing of 'full'"):
+    with pytest.raises(InputError, match="does not contain 'full'"):
         check_inputs(*read_files(naming(tmp_path), None))
 
 
