@@ -1,9 +1,8 @@
-"""Loops of several sources become one set: the same loop once, the same gap by one number.
+"""Join loops of several sources into one set, and complete the history of successive loops.
 
-Settled loops that were run one after the other: what the iron keeps of the earlier ones.
-
-A cycle that has been run often wipes out whatever is smaller than it. What was larger stays in an
-iron that remembers, and the cycle then lies elsewhere than it would alone.
+Identical loops are kept once, and scheduling values that differ only by rounding become equal. A
+settled loop wipes out smaller loops before it. In iron with return-point memory it lies within a
+larger loop that was run before. Therefore, its history includes the earlier loops of the record.
 """
 
 from __future__ import annotations
@@ -26,9 +25,10 @@ from anhyst.support.units import Quantity
 
 @dataclass(frozen=True, slots=True)
 class SourceLoops:
-    """The loops of one source; those whose history nobody stated are ``open``, by their place.
+    """The loops of one source.
 
-    ``labelled`` says whether the source itself distinguishes them.
+    ``without_history`` lists the indices of loops whose history was not stated. ``is_labelled``
+    states whether the source labels its loops.
     """
 
     source_name: str
@@ -40,15 +40,18 @@ class SourceLoops:
     notes: tuple[str, ...]
     without_history: frozenset[int] = frozenset()
     is_labelled: bool = True
-    has_blocks: bool = False  # whether blank lines or the like distinguish the loops
-    stated_gap: tuple[float | None, str] | None = None  # m, and the remark in the head of the file
+    has_blocks: bool = False  # whether breaks separate the loops
+    stated_gap: tuple[float | None, str] | None = (
+        None  # m, and the comment in the header of the file
+    )
 
 
 def join_loops(parts: Sequence[SourceLoops]) -> Loops:
     """Join the loops of several sources into one set.
 
-    A loop that comes twice with the same data is taken once. Loops of several files that are called
-    alike are named after their files. Scheduling values that differ by rounding become one.
+    A loop that occurs twice with the same data is kept once. Loops with equal labels in several
+    files are labelled with the names of their files. Scheduling values that differ only by rounding
+    become equal.
     """
     first = parts[0]
     for part, role in product(parts[1:], ("input", "output", "schedule")):
@@ -57,7 +60,7 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
             texts = [quantity.column if quantity else "none" for quantity in (mine, theirs)]
             raise InputError(
                 f"{part.source_name}: its {role} is {texts[1]} but that of {first.source_name} is "
-                f"{texts[0]}; files read together must hold the same quantities",
+                f"{texts[0]}; files that are read together must contain the same quantities",
                 code="quantities-differ",
             )
     notes = [note for part in parts for note in part.notes]
@@ -77,7 +80,9 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
                 entries.append(entry)
             else:
                 name = part.source_name
-                notes.append(f"{name}: loop '{loop.label}' is the one in {twin_source}: left out")
+                notes.append(
+                    f"{name}: loop '{loop.label}' is the same as in {twin_source}: left out"
+                )
     sources = tuple(part.source for part in parts if part.source is not None)
     return Loops(
         _make_labels_unique(entries),
@@ -91,7 +96,7 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """A loop that was kept, its scheduling value, and the source it is in."""
+    """A loop of the joined set, its scheduling value, and its source."""
 
     loop: Loop
     schedule_value: float | None
@@ -99,12 +104,12 @@ class _Entry:
 
     @property
     def is_identifiable(self) -> bool:
-        """Whether label and data say which loop it is: not where the scheduling variable moves."""
+        """Whether label and data identify the loop: false if the scheduling variable changes."""
         return self.loop.schedule is None or self.schedule_value is not None
 
 
 def _make_labels_unique(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
-    """Return the loops, each with a name of its own among those at its scheduling value."""
+    """Return the loops with labels that are unique at each scheduling value."""
     alike: defaultdict[tuple[str, float | None], list[_Entry]] = defaultdict(list)
     for entry in entries:
         if entry.is_identifiable:
@@ -139,14 +144,14 @@ def _snap_schedule(loop: Loop, values: list[float]) -> Loop:
 
 
 def _unique_label(entry: _Entry, first: _Entry, name: str) -> str:
-    """Name a loop after its file; two that a column calls the same, at no gap, contradict each other."""
+    """Return a label with the name of the file; raise an error for equal labels without a gap."""
     if not entry.part.is_labelled:
         return name
     if entry.schedule_value is None and entry is not first:
         raise InputError(
             f"{entry.part.source_name}: loop '{entry.loop.label}' is also in "
-            f"{first.part.source_name}, with other data; leave one out, give each its label, or "
-            "say what differs: a gap, a temperature",
+            f"{first.part.source_name}, with other data; leave one out, give each its own label, "
+            "or state what differs, such as a gap or a temperature",
             code="loop-twice",
             key=entry.loop.label,
         )
@@ -154,7 +159,7 @@ def _unique_label(entry: _Entry, first: _Entry, name: str) -> str:
 
 
 def _find_twin(entry: _Entry, other: _Entry) -> str | None:
-    """Name the file of a loop with the same data, if it may be left out for that."""
+    """Return the other file that contains the same data; raise an error if its gap differs."""
     ours, theirs = entry.loop, other.loop
     if not (
         np.array_equal(ours.input, theirs.input) and np.array_equal(ours.output, theirs.output)
@@ -162,7 +167,7 @@ def _find_twin(entry: _Entry, other: _Entry) -> str | None:
         return None
     if entry.schedule_value != other.schedule_value:
         raise InputError(
-            f"{entry.part.source_name}: holds the same data at {entry.schedule_value:g} as "
+            f"{entry.part.source_name}: contains the same data at {entry.schedule_value:g} as "
             f"{other.part.source_name} at {other.schedule_value:g}; one of the two is mislabelled",
             code="same-data-twice",
         )
@@ -170,34 +175,34 @@ def _find_twin(entry: _Entry, other: _Entry) -> str | None:
 
 
 def _fingerprint(loop: Loop) -> tuple[float, ...]:
+    """Return the length and four samples of a loop as a key for quick comparison."""
     ends = [0, loop.n // 3, loop.n // 2, loop.n - 1]
     return (float(loop.n), *loop.input[ends].tolist(), *loop.output[ends].tolist())
 
 
 NESTED_LOOPS_NOTE = (
-    "settled loops lie within larger ones that were run before them: each goes on from what the iron "
-    "keeps of those"
+    "settled loops lie within larger loops that were run before them, so their history includes these "
+    "loops"
 )
-"""What a reader is told where that is so."""
+"""Note for records to which earlier loops were added as history."""
 _MAX_END_DISTANCE = 0.02
-"""Ends within this share of the range are the same."""
+"""Maximum distance of equal ends, as a fraction of the range."""
 _MIN_BRANCH_SAMPLES = 8
-"""Samples of a branch from which two are compared."""
+"""Minimum number of samples of a branch that is compared."""
 _MIN_DIFFERENCE_SIGMAS = 4.5
-"""Standard errors from which a difference is not noise."""
+"""Number of standard errors above which a difference is not noise."""
 _MAX_DISTANCE_SHARE = 0.05
-"""Branches nearer to each other than this share of the loop's height are one and the same."""
+"""Maximum distance of branches that are considered equal, as a fraction of the loop height."""
 
 _Curve = tuple[FloatArray, FloatArray]
 
 
 def add_earlier_loops(loops: Sequence[Loop], *, across_gaps: bool = False) -> list[Loop]:
-    """Complete the history of settled loops of one record with the loops run before them.
+    """Add earlier loops of a record to the history of its settled loops.
 
-    Where a loop shares an end with a larger one before it at the same scheduling value, the branch
-    from there says whether the iron remembers that one: it is then a part of the larger one's.
-    Without such an end, or where branches lie apart, nothing is taken to have been before, as if the
-    iron had been demagnetised.
+    If a loop shares an end with an earlier, larger loop at the same scheduling value, its branch
+    from there must follow the branch of the larger loop. This shows that the iron remembers the
+    larger loop. If no loop shares an end, or if a branch deviates, no history is added.
     """
     order = _run_order(loops)
     earlier = {
@@ -221,7 +226,7 @@ def add_earlier_loops(loops: Sequence[Loop], *, across_gaps: bool = False) -> li
 
 
 def _run_order(loops: Sequence[Loop]) -> list[int]:
-    """Return the indices of the loops by time; none where the order of the runs is not known."""
+    """Return the indices of the loops in time order; empty if this order is unknown."""
     if any(
         loop.history != SETTLED
         or loop.time is None
@@ -236,6 +241,7 @@ def _run_order(loops: Sequence[Loop]) -> list[int]:
 
 
 def _history_after(earlier: Sequence[Loop], loop: Loop) -> History:
+    """Return the history of a settled loop after earlier loops."""
     points: list[float] = []
     schedule: list[float | None] = []
     for other in earlier:
@@ -247,7 +253,7 @@ def _history_after(earlier: Sequence[Loop], loop: Loop) -> History:
 
 
 def _is_on_larger_loop(loop: Loop, larger: Loop) -> bool | None:
-    """Whether a branch runs along that of a larger loop; None where none begins at the same end."""
+    """Whether branches follow those of a larger loop; ``None`` if none starts at the same end."""
     span = float(np.ptp(larger.input))
     if float(np.ptp(loop.input)) > (1.0 - _MAX_END_DISTANCE) * span:
         return None
@@ -276,7 +282,7 @@ def _is_on_larger_loop(loop: Loop, larger: Loop) -> bool | None:
 
 
 def _longest_branch(loop: Loop, rising: bool) -> _Curve | None:
-    """Return input, ascending, and output of the longest rising or falling branch."""
+    """Return ascending inputs and the outputs of the longest rising or falling branch."""
     parts = [part for part in find_branches(loop.input) if part.is_rising == rising]
     if not parts:
         return None

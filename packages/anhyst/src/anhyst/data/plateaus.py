@@ -1,7 +1,8 @@
-"""Plateaus of a measured gap: a sensor adds noise to a gap that is set and kept.
+"""Find the plateaus of a noisy scheduling variable, such as a gap that is set and kept constant.
 
-A moving average shows whether the value rests. Samples near the mean of a rest belong to it, and
-samples between two rests belong to no loop. A gap that moves during the loops has no such rests.
+A moving average shows where the value is constant. Samples near the mean of such a stretch belong
+to it, and samples between two stretches belong to no loop. A gap that changes during the loops has
+no plateaus.
 """
 
 from __future__ import annotations
@@ -18,25 +19,25 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES, Quantity
 
 _MIN_RUN_SAMPLES = 6
-"""Exact values that last at least this long need no search."""
+"""Minimum length of runs of equal values that count as exact and need no search."""
 _WINDOW_SHARE = 0.01
-"""Width of the moving average, in parts of the record."""
+"""Width of the moving average, as a fraction of the record."""
 _MAX_WINDOW_SAMPLES = 301
 _MIN_WINDOW_SAMPLES = 5
 _MAX_DRIFT = 0.005
-"""Change of the moving average within a plateau, in parts of its value; the noise is added."""
+"""Maximum change of the moving average within a plateau, relative to the median; noise is added."""
 _MAX_DISTANCE_SIGMAS = 6.0
-"""Samples farther from a plateau than this number of standard deviations lie beside it."""
+"""Maximum distance of a sample from its plateau, in standard deviations."""
 _MAX_LOST_SHARE = 0.1
-"""Part of the record that may lie between the plateaus."""
+"""Fraction of the record between the plateaus above which the input must be constant there."""
 _MIN_INPUT_SHARE = 0.3
-"""Part of the input's range that a plateau runs through."""
+"""Minimum part of the input range in a plateau."""
 _MIN_REVERSAL_SHARE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Plateaus:
-    """Rows that belong to plateaus, and the value of the plateau at each of them."""
+    """Rows of the plateaus, and the value of the plateau at each of them."""
 
     rows: NDArray[np.intp]
     values: FloatArray
@@ -45,7 +46,7 @@ class Plateaus:
 
 @dataclass(frozen=True, slots=True)
 class _Plateau:
-    """A stretch where the value rests: its rows, mean and standard deviation."""
+    """A stretch of constant value: its rows, mean and standard deviation."""
 
     rows: slice
     mean: float
@@ -53,7 +54,7 @@ class _Plateau:
 
 
 def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> Plateaus | None:
-    """Find the plateaus of a noisy scheduling variable; ``None`` if it is exact or moves."""
+    """Return the plateaus of a noisy scheduling variable; ``None`` if it is exact or changes."""
     bounds = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [values.size]))
     is_exact = bounds.size == 2 or int(np.diff(bounds).min()) >= _MIN_RUN_SAMPLES
     if values.size < 4 * _MIN_WINDOW_SAMPLES or is_exact:
@@ -68,13 +69,14 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
         return None
     levels = _plateau_values(plateaus)
     if len(set(levels)) == 1 and quantity != QUANTITIES["gap"]:
-        return None  # one temperature with noise says nothing
+        return None  # one temperature with noise contains no information
     plateau_of_row = _assign_rows(values, plateaus)
     if all(rest.sigma == 0.0 for rest in plateaus) and not _are_only_ramps(values, plateau_of_row):
         return None
     rows = np.flatnonzero(plateau_of_row >= 0)
     if rows.size < (1.0 - _MAX_LOST_SHARE) * values.size:
-        # No loop is cut, however long it takes, if the input rests wherever the gap moves.
+        # If the input is constant wherever the gap changes, no loop is cut, however many rows are
+        # lost.
         span = float(np.ptp(drive))
         if any(
             np.ptp(drive[moved]) > _MIN_REVERSAL_SHARE * span
@@ -89,7 +91,7 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
 
 
 def _are_only_ramps(values: FloatArray, plateau_of_row: NDArray[np.intp]) -> bool:
-    """Whether all that is left out lies between two gaps, and is not a wrong value at one of them."""
+    """Whether all rows outside the plateaus are ramps between two values, and not outliers."""
     for rows in find_runs(plateau_of_row < 0):
         if rows.start == 0 or rows.stop == values.size:
             return False
@@ -101,7 +103,7 @@ def _are_only_ramps(values: FloatArray, plateau_of_row: NDArray[np.intp]) -> boo
 
 
 def _search_plateaus(values: FloatArray) -> list[_Plateau]:
-    """Find the stretches whose moving average stays; an empty list if it drifts within one."""
+    """Return the stretches with a constant moving average; empty if it drifts within one."""
     from scipy.ndimage import uniform_filter1d  # slow to load, and needed for noisy gaps only
 
     width = int(np.clip(_WINDOW_SHARE * values.size, _MIN_WINDOW_SAMPLES, _MAX_WINDOW_SAMPLES))
@@ -129,29 +131,29 @@ def _search_plateaus(values: FloatArray) -> list[_Plateau]:
 
 
 def has_loop(drive: FloatArray, rows: slice | NDArray[np.intp]) -> bool:
-    """Whether some rows of a record hold a loop: the input runs through much of its range and back."""
+    """Whether rows contain a loop: the input covers much of its range and reverses."""
     inner, span = drive[rows], float(np.ptp(drive))
     is_wide = float(np.ptp(inner)) >= _MIN_INPUT_SHARE * span
     return is_wide and reversal_count(inner, _MIN_REVERSAL_SHARE * span) > 0
 
 
 def _plateau_values(plateaus: list[_Plateau]) -> list[float]:
-    """Return the value of each rest, one for those that agree, rounded well below the scatter."""
+    """Return the value of each plateau, equal if they agree, rounded well below the scatter."""
     levels: list[float] = []
     for rest in plateaus:
         decimals = max(0, 1 - math.floor(math.log10(rest.sigma))) if rest.sigma > 0.0 else 12
-        # Contact is 0, whatever the zero of the sensor makes of it.
+        # At contact the gap is 0, even if the sensor has an offset.
         equal_levels = [level for level in (*levels, 0.0) if abs(level - rest.mean) <= rest.sigma]
         levels.append(equal_levels[0] if equal_levels else round(rest.mean, decimals))
     return levels
 
 
 def _assign_rows(values: FloatArray, plateaus: list[_Plateau]) -> NDArray[np.intp]:
-    """Return the rest that each row belongs to, -1 for rows between two."""
+    """Return the index of the plateau of each row, -1 for rows between two plateaus."""
     plateau_of_row = np.full(values.size, -1, np.intp)
     edges = [0, *(rest.rows.stop for rest in plateaus[:-1]), values.size]
     for index, rest in enumerate(plateaus):
-        # Up to the next rest a row may belong to either.
+        # A row between two plateaus may belong to either.
         start = edges[index] if index == 0 else plateaus[index - 1].rows.stop
         stop = values.size if index + 1 == len(plateaus) else plateaus[index + 1].rows.start
         rows = slice(start, stop)

@@ -1,4 +1,4 @@
-"""What is said about a file beyond its headers: by arguments, or by a small TOML beside it."""
+"""Additional information about a file, from arguments or from a TOML file next to it (sidecar)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from anhyst.support.atomic import PathLike, read_error
 from anhyst.support.errors import InputError
 
 DROP_INVALID = "invalid"
-"""What `drop` leaves out: samples that are not finite, or that the recorder marks as invalid."""
+"""Value of ``drop``: omit samples that are not finite or that the recorder marks as invalid."""
 
 
 @dataclass(frozen=True, slots=True)
 class FileDescription:
-    """What arguments or a sidecar TOML add to the headers of files."""
+    """Information from arguments or a sidecar file that completes the headers of files."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
     loop: str | None = None
@@ -49,7 +49,7 @@ class FileDescription:
         flip: Sequence[str] | str | None = None,
         **others: Any,
     ) -> FileDescription:
-        """Collect keyword arguments of `read_loops`; ``others`` are named as the fields are."""
+        """Return the description from keywords of `read_loops`; ``others`` are named as the fields."""
         for name in ("columns", "constants", "scale"):
             others[name] = dict(others.get(name) or {})
         return cls(
@@ -61,14 +61,14 @@ class FileDescription:
 
     @classmethod
     def from_toml(cls, path: PathLike) -> FileDescription:
-        """Read a sidecar.
+        """Read a sidecar file.
 
         Keys: ``columns`` (table: file column = our column), ``loop`` (name of the label column),
-        ``schedule``, ``history`` (text, or a table: label = text), ``constants`` (table:
-        ``T_C = -15``), ``select`` (table: column = value or list of values), ``file_name``
-        (pattern such as ``"gd_T{T_C}C"`` that takes constants from the file's name), ``scale``
-        (table: column = value in our unit per unit in the file), ``flip`` (columns whose sign is
-        reversed), ``drop`` (``"invalid"``).
+        ``schedule``, ``history`` (text, or a table: label = text), ``constants`` (table: ``T_C =
+        -15``), ``select`` (table: column = value or list of values), ``file_name`` (pattern such as
+        ``"gd_T{T_C}C"`` for constants in the file name), ``scale`` (table: column = value in our
+        unit per unit of the file), ``flip`` (columns whose sign is reversed), ``drop``
+        (``"invalid"``).
         """
         path = Path(path)
         keys = _load_toml(path)
@@ -121,7 +121,7 @@ class FileDescription:
 
 
 def is_sidecar(path: Path) -> bool:
-    """Whether there is a TOML file that describes measurements, and not a model made from them."""
+    """Whether a TOML file exists and describes measurements; a model file has a ``format``."""
     return path.is_file() and "format" not in _load_toml(path)
 
 
@@ -130,9 +130,9 @@ def _load_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise read_error(path, error) from None
-    except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, of endless numbers
+    except (ValueError, RecursionError) as error:  # invalid TOML, invalid UTF-8, very long numbers
         raise InputError(
-            f"{path}: is no valid TOML: {error}; mend or remove it", code="damaged-toml"
+            f"{path}: is not valid TOML: {error}; correct or remove it", code="damaged-toml"
         ) from None
 
 

@@ -1,7 +1,7 @@
-"""Layouts of oscilloscopes and loggers whose names, units or times are not in a plain header.
+"""Recognise files of oscilloscopes and loggers without a simple header for names, units or times.
 
-Each recogniser looks at the first lines of a file and returns where its columns are, or nothing.
-A further layout is one more entry of `_RECOGNISERS`.
+Each recogniser examines the first lines of a file and returns its columns, or ``None``. To add a
+layout, add an entry to `_RECOGNISERS`.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ _TEKTRONIX_SETTINGS = re.compile(
     r"|horizontal (units|scale)|probe atten|proid)",
     re.IGNORECASE,
 )
-"""Settings that Tektronix and others write into the columns beside the data."""
+"""Settings that Tektronix and others write into columns next to the data."""
 
 
 def recognise_logger(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Return the columns of the first recogniser that knows a file; ``first`` is no comment."""
+    """Return the columns of the first recogniser that accepts a file, from line ``first`` on."""
     for recognise in _RECOGNISERS:
         table = recognise(path, lines, first)
         columns = table.columns if table else ()
@@ -49,7 +49,7 @@ _CHANNEL_NAME = re.compile(r"(?:X\()?(CH\d+|MATH\d*|REF\d*)\)?\s*\(?(V|A|W)?\)?"
 
 
 def _recognise_rigol(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Read Rigol: start and step of the time are in the header, as columns or as ``t0 =``."""
+    """Recognise Rigol: the header has start and step of the time, as columns or ``t0 =``."""
     header = split_line(lines[first][0], ",")
     below = split_line(lines[first + 1][0], ",") if first + 1 < len(lines) else []
     words = [_normalise(field) for field in header]
@@ -76,7 +76,7 @@ def _recognise_rigol(path: Path, lines: Lines, first: int) -> TextColumns | None
             continue
         if word.startswith("time"):
             if index < len(row) and not row[index]:
-                continue  # the header says the times
+                continue  # the header gives the times
             columns = []
         match = _CHANNEL_NAME.fullmatch(field)
         name, unit = (match[1], match[2] or "") if match else (field, "")
@@ -86,7 +86,7 @@ def _recognise_rigol(path: Path, lines: Lines, first: int) -> TextColumns | None
 
 
 def _recognise_keysight(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Read Keysight and Siglent: a row of channels over a row of units that begins with seconds."""
+    """Recognise Keysight and Siglent: channels above a row of units that begins with seconds."""
     for index in range(first, min(first + 40, len(lines) - 2)):
         names = split_line(lines[index][0], ",")
         units = split_line(lines[index + 1][0], ",")
@@ -106,7 +106,7 @@ def _recognise_keysight(path: Path, lines: Lines, first: int) -> TextColumns | N
 
 
 def _recognise_rohde_schwarz(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Read Rohde & Schwarz: ``in s,C1 in V,C2 in V``."""
+    """Recognise Rohde & Schwarz: ``in s,C1 in V,C2 in V``."""
     names = split_line(lines[first][0], ",")
     if names[0] != "in s" or first + 1 >= len(lines):
         return None
@@ -118,7 +118,7 @@ def _recognise_rohde_schwarz(path: Path, lines: Lines, first: int) -> TextColumn
 
 
 def _recognise_lecroy(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Read LeCroy: its times are in s, and its header does not say so."""
+    """Recognise LeCroy, whose times are in s without a unit in the header."""
     if not lines[first][0].startswith("LECROY"):
         return None
     for index in range(first + 1, min(first + _MAX_SETTING_LINES, len(lines) - 1)):
@@ -134,12 +134,12 @@ _UNIT_KEYS = {"vunit", "vertical units", "unit", "units", "y_unit_label", "yunit
 _TIME_UNIT_KEYS = {"hunit", "horizontal units", "xunits"}
 _STEP_KEYS = {"hresolution", "sample interval", "xinc", "xincrement", "delta_x", "delta t"}
 _MAX_SETTING_LINES = 100
-"""Lines of settings above the data."""
+"""Maximum number of lines with settings above the data."""
 _START_KEYS = {"hoffset", "xorg", "xorigin", "x0"}
 
 
 def _find_setting(rows: Sequence[list[str]], keys: set[str]) -> list[str]:
-    """Return the values of a setting, one a channel; empty if the file has no such setting."""
+    """Return the values of a setting, one for each channel; empty if the file does not have it."""
     found = next((row[1:] for row in rows if row and _normalise(row[0]) in keys), [])
     while found and not found[-1]:
         found = found[:-1]
@@ -147,7 +147,7 @@ def _find_setting(rows: Sequence[list[str]], keys: set[str]) -> list[str]:
 
 
 def _recognise_yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Read Yokogawa: names, units and the step of the time are rows of the settings above."""
+    """Recognise Yokogawa: names, units and the time step are rows of settings above the data."""
     rows = [split_line(text, ",") for text, _ in lines[first : first + _MAX_SETTING_LINES]]
     names, steps = _find_setting(rows, _NAME_KEYS), _find_setting(rows, _STEP_KEYS)
     if not names or not steps or not all(map(is_number, steps)):
@@ -159,7 +159,7 @@ def _recognise_yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | N
         return None
     if len({parse_number(step) for step in steps}) > 1:
         raise InputError(
-            f"{path}: its channels have different steps of time ({', '.join(steps)}); export them "
+            f"{path}: its channels have different time steps ({', '.join(steps)}); export them "
             "at one rate",
             code="different-steps",
         )
@@ -184,7 +184,7 @@ def _recognise_yokogawa(path: Path, lines: Lines, first: int) -> TextColumns | N
 
 
 def _recognise_tektronix(path: Path, lines: Lines, first: int) -> TextColumns | None:
-    """Read Tektronix TDS and its kin: settings in the first columns, time and values next to them."""
+    """Recognise Tektronix TDS and similar: settings in the first columns, then time and values."""
     text = lines[first][0]
     delimiter = next((sign for sign in (";", "\t", ",") if sign in text), None)
     rows = [split_line(text, delimiter) for text, _ in lines[first:] if text.strip()]
@@ -223,7 +223,7 @@ def _recognise_tektronix(path: Path, lines: Lines, first: int) -> TextColumns | 
             )
         elif [row[block[0]] for row in rows] != clock:
             raise InputError(
-                f"{path}: settings stand beside the data, and the {len(blocks)} channels have "
+                f"{path}: settings are next to the data, and the {len(blocks)} channels have "
                 "different times; export them together, or each as a file",
                 code="different-times",
             )

@@ -1,8 +1,8 @@
-"""Text tables, CSV and its kin: fast and in bounded memory when all is well, exact about what is not.
+"""Read and write text tables such as CSV, with limited memory.
 
-A file is read in chunks. The fast path cuts the wanted fields out of the bytes with NumPy and
-converts them in one call. Whatever it does not understand (comments between rows, quotes, blank
-lines, a fault) goes line by line through the slow path, which either copes or names the line.
+A file is read in chunks. The fast path extracts the requested fields from the bytes with NumPy and
+converts them in one call. If it finds comments between rows, quotes, blank lines or a fault, the
+slow path reads the chunk line by line. It either handles them or raises an error with the line.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ class TextTable(Layout):
     __slots__ = ()
 
     def find(self, name: str) -> int | None:
-        """Return the index of a column by its header; blanks count once."""
+        """Return the index of a column by its header; several blanks count as one."""
         plain = " ".join(name.split())
         return self.header.index(plain) if plain in self.header else None
 
     def first_rows(self, count: int) -> list[list[str]]:
-        """Return the fields of the first rows of data."""
+        """Return the fields of the first data rows."""
         with self.open() as file:
             file.seek(self.offset)
             lines = itertools.islice(split_lines(file, self), count + _MAX_ODD_ROWS)
@@ -83,7 +83,7 @@ class TextTable(Layout):
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
-        """Read the wanted columns; the others are not even parsed."""
+        """Read the requested columns; the others are not parsed."""
         columns = self.table.columns
         fields = {
             n: column.position for n, column in enumerate(columns) if column.position is not None
@@ -92,7 +92,7 @@ class TextTable(Layout):
         wanted = [n for n in numbers if n in fields and n not in stamps]
         labels = [n for n in {*texts, *stamps} if n in fields and n is not None]
         if not wanted and not labels:
-            labels = [next(iter(fields))]  # the rows are counted
+            labels = [next(iter(fields))]  # needed to count the rows
         reader = _ColumnReader(
             self, tuple(fields[n] for n in wanted), tuple(fields[n] for n in labels)
         )
@@ -123,7 +123,7 @@ class TextTable(Layout):
         return RawColumns(sha256, values, words, (*self.notes, *reader.notes), breaks)
 
     def locate_row(self, row: int) -> str:
-        """Return the line of a row, both counted from the beginning of the file, rows from 0."""
+        """Return the file and line of a data row; rows count from 0, lines from 1."""
         with self.open() as file:
             file.seek(self.offset)
             rows = classify_rows(split_lines(file, self), self)
@@ -132,34 +132,34 @@ class TextTable(Layout):
 
 
 def open_text(path: Path, min_columns: int) -> TextTable:
-    """Open a text table of at least ``least`` columns."""
+    """Open a text table with at least ``min_columns`` columns."""
     return read_layout(path, min_columns, TextTable)
 
 
 def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
-    """Write sections of one length as CSV, units in the headers."""
+    """Write channel groups of equal length as CSV, with units in the headers."""
     columns: dict[str, Column] = {}
     notes = []
     for section in sections:
         for signal in [*([section.clock] if section.clock else []), *section.series]:
             header, values = join_header(signal.name, signal.unit), signal.values
-            while header in columns:  # 'I' in A beside 'I_A' without a unit
+            while header in columns:  # 'I' in A and 'I_A' without a unit
                 header += "#"
             if values.dtype.kind == "U":
                 columns[header] = Texts.from_rows(values.tolist())
             else:
                 columns[header] = numbers = np.asarray(values, dtype=np.float64)
                 if values.dtype.kind in "iu" and not np.array_equal(numbers, values):
-                    notes.append(f"'{signal.name}' holds counts beyond 2^53, which are rounded")
+                    notes.append(f"'{signal.name}' contains integers above 2^53, which are rounded")
     groups = [section.group for section in sections if section.group]
     if groups:
-        notes.append(f"CSV holds no groups: {', '.join(dict.fromkeys(groups))} left out")
+        notes.append(f"CSV cannot store groups: {', '.join(dict.fromkeys(groups))} left out")
     write_csv(path, columns)
     return tuple(notes)
 
 
 def write_csv(path: PathLike, columns: Mapping[str, Column]) -> None:
-    """Write columns of equal length as CSV, numbers to full precision, whole or not at all."""
+    """Write columns of equal length as CSV with full precision; no partial file is left."""
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1:
         raise ValueError(f"columns of different lengths: {sorted(lengths)}")
@@ -178,7 +178,7 @@ def _format_rows(column: Column, start: int, stop: int) -> list[str]:
         return [quoted[code] for code in column.codes[start:stop].tolist()]
     if column.dtype == np.bool_:
         return [("0", "1")[value] for value in column[start:stop].tolist()]
-    # Integral values are written without ".0": tables of counts and labels stay as they were.
+    # Integers are written without ".0", so that counts and labels stay unchanged.
     return [repr(value).removesuffix(".0") for value in column[start:stop].tolist()]
 
 
@@ -190,18 +190,18 @@ def _quote_field(text: str) -> str:
 
 Labels = NDArray[np.bytes_] | list[str]
 Piece = tuple[FloatArray, list[Labels], int]
-"""Numbers of shape (rows, columns), one list of texts a text column, and the count of lines."""
+"""Numbers of shape (rows, columns), a list of texts for each text column, number of lines."""
 
 _THOUSANDS_NUMBER = re.compile(r"[+-]?\d{1,3}([ ',.\u00a0\u202f]\d{3})+([.,]\d*)?")
 _MINUTES_AND_SECONDS = re.compile(r"\d+:\d+([.,]\d+)?")
 _CHUNK_BYTES = 1 << 22
 _MAX_SHOWN_LENGTH = 30
 _MAX_ODD_ROWS = 20
-"""Rows of statistics and the like that may precede the first samples."""
+"""Maximum number of rows with statistics and the like before the first samples."""
 
 
 def _read_chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
-    """Yield pieces of about 4 MiB that end with a line."""
+    """Yield pieces of about 4 MiB that end with a complete line."""
     rest = b""
     while block := file.read(_CHUNK_BYTES):
         cut = block.rfind(layout.eol) + 1
@@ -210,7 +210,7 @@ def _read_chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
             rest = block[cut:]
         elif len(block) == _CHUNK_BYTES:
             raise InputError(
-                f"{layout.path}: holds a line of more than 4 MiB: no text table",
+                f"{layout.path}: contains a line of more than 4 MiB: it is not a text table",
                 code="line-too-long",
             )
         else:
@@ -220,14 +220,14 @@ def _read_chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
 
 
 def split_lines(file: BinaryIO, layout: Layout) -> Iterator[str]:
-    """Yield the lines from the file's present position, without their ends."""
+    """Yield the lines from the current position of a file, without their ends."""
     for chunk in _read_chunks(file, layout):
         for line in chunk.removesuffix(layout.eol).split(layout.eol):
             yield line.decode(layout.encoding, "replace").rstrip("\r")
 
 
 def shorten_field(field: str) -> str:
-    """Return a field of a file in a form fit for one line of a message."""
+    """Return a field of a file in printable and short form, for a message."""
     plain = "".join(sign if sign.isprintable() else "?" for sign in field)
     return plain if len(plain) <= _MAX_SHOWN_LENGTH else plain[: _MAX_SHOWN_LENGTH - 3] + "..."
 
@@ -249,13 +249,13 @@ class _ColumnReader:
         self.notes: list[str] = []
         self.pending_remarks: list[
             str
-        ] = []  # remarks since the last row; empty texts for blank lines
+        ] = []  # comments since the last row; empty texts for blank lines
         self.breaks: list[tuple[int, tuple[str, ...]]] = []
         self.thousands = ThousandsCheck(layout.table.delimiter)
         self.bytes_read = 0
 
     def feed(self, chunk: bytes) -> None:
-        """Take a chunk of whole lines."""
+        """Process a chunk of complete lines."""
         self.bytes_read += len(chunk)
         layout = self.layout
         if self.thousands.may_occur(chunk):
@@ -273,7 +273,7 @@ class _ColumnReader:
         self.line += lines
 
     def finish(self) -> dict[int, Texts]:
-        """Trim the columns of numbers, and return those of text."""
+        """Trim the numeric columns, and return the text columns."""
         if self.rows == 0:
             raise InputError(
                 f"{self.layout.path}: has a header but no data; nothing to read", code="no-data"
@@ -290,7 +290,8 @@ class _ColumnReader:
         for position, index in enumerate(self.numbers):
             column = self.number_columns[index]
             if needed > column.size:
-                # The rows still to come are about as long as those seen: one growth is the rule.
+                # The remaining rows are about as long as the previous ones, so the columns usually
+                # grow once.
                 expected = needed / self.bytes_read * (self.layout.size - self.layout.offset)
                 column.resize(max(needed, math.ceil(expected * 1.01)), refcheck=False)
             column[self.rows : needed] = values[:, position]
@@ -308,7 +309,7 @@ class _ColumnReader:
         return codes[inverse.reshape(-1)]
 
     def _convert_fast(self, chunk: bytes) -> Piece | None:
-        """Convert a chunk without a Python loop over its rows, or give up with ``None``."""
+        """Convert a chunk without a loop over its rows; ``None`` if it needs the slow path."""
         layout = self.layout
         if layout.eol == b"\r" or b"#" in chunk or b"%" in chunk or b'""' in chunk:
             return None
@@ -343,7 +344,7 @@ class _ColumnReader:
         return table, labels, starts.shape[0]
 
     def _convert_fast_blanks(self, chunk: bytes) -> Piece | None:
-        """Convert a chunk whose columns are all numbers between blanks."""
+        """Convert a chunk of numbers separated by blanks; ``None`` if it needs the slow path."""
         if self.texts:
             return None
         data = np.frombuffer(chunk, np.uint8)
@@ -360,7 +361,7 @@ class _ColumnReader:
         return values.reshape(ends.size, width)[:, list(self.numbers)], [], ends.size
 
     def _convert_by_line(self, chunk: bytes) -> Piece:
-        """Read a chunk line by line and name the line that is at fault."""
+        """Convert a chunk line by line, and name the line of a fault."""
         layout = self.layout
         lines = chunk.removesuffix(layout.eol).split(layout.eol)
         texts = (line.decode(layout.encoding, "replace").rstrip("\r") for line in lines)
@@ -435,7 +436,7 @@ class _ColumnReader:
 def _find_fields(
     data: NDArray[np.uint8], delimiter: int, width: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
-    """Where each field starts and stops, or ``None`` if not every row has ``width`` fields."""
+    """Return where each field starts and stops; ``None`` unless every row has ``width`` fields."""
     ends = np.flatnonzero(data == 10)
     delimiters = np.flatnonzero(data == delimiter)
     if delimiters.size != ends.size * (width - 1):
@@ -451,7 +452,7 @@ def _find_fields(
 def _cut_texts(
     data: NDArray[np.uint8], starts: NDArray[np.intp], stops: NDArray[np.intp]
 ) -> NDArray[np.bytes_]:
-    """Cut one column of text out, as fixed-width byte strings."""
+    """Return one text column as fixed-width byte strings."""
     length = stops - starts
     width = max(1, int(length.max()))
     byte = starts[:, None] + np.arange(width)
@@ -461,9 +462,9 @@ def _cut_texts(
 
 
 def _convert_numbers(text: bytes, sep: str, count: int) -> FloatArray | None:
-    """Convert separated numbers at once; ``None`` if one is missing, odd or no measured value."""
+    """Convert separated numbers in one call; ``None`` if one is missing, invalid or a mark."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # older NumPy warns, newer raises
+        warnings.simplefilter("ignore", DeprecationWarning)  # older NumPy warns, newer NumPy raises
         try:
             values: FloatArray = np.fromstring(text, np.float64, sep=sep)
         except ValueError:
