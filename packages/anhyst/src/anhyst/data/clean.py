@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data import estimates
-from anhyst.data.delay import estimate_delay as estimate_skew
-from anhyst.data.estimates import estimate_noise as noise_of
+from anhyst.data.delay import estimate_delay
+from anhyst.data.estimates import estimate_noise
 from anhyst.data.filtering import average_over_ripple, denoise
 from anhyst.data.holes import cut_holes, find_holes
 from anhyst.data.loops import Loop, Loops, is_even, replace_columns
@@ -95,7 +95,8 @@ def drop_spikes(loopset: Loops) -> Loops:
         windows = np.lib.stride_tricks.sliding_window_view(padded, 5)
         deviation = np.abs(loop.output - np.median(windows, axis=1))
         limit = max(
-            _MIN_SPIKE_SIGMAS * noise_of(loop.output), _MIN_SPIKE_SHARE * float(np.ptp(loop.output))
+            _MIN_SPIKE_SIGMAS * estimate_noise(loop.output),
+            _MIN_SPIKE_SHARE * float(np.ptp(loop.output)),
         )
         is_spike = deviation > limit
         for turn in find_turning_points(loop.input):
@@ -174,7 +175,7 @@ def remove_delay(loopset: Loops) -> Loops:
     steps = [estimates.measure_sampling(loop)[0] or 1.0 for loop in loopset.loops]
     delays = [
         found * step
-        for found, step in zip(map(estimate_skew, loopset.loops), steps, strict=True)
+        for found, step in zip(map(estimate_delay, loopset.loops), steps, strict=True)
         if found is not None
     ]
     if not delays:

@@ -27,7 +27,8 @@ MAX_LAG_WITH_PLAYS_RATIO = 0.8
 """Maximum residual of play operators with a lag that explains a part, relative to without a lag."""
 _MAX_SAMPLES = 4096
 _MAX_LOOPS = 2
-_MIN_LAG_SHARE, _MAX_LAG_SHARE = 1.0 / 300.0, 0.5
+_MIN_LAG_SHARE = 1.0 / 300.0
+_MAX_LAG_SHARE = 0.5
 """Limits of the lag, as fractions of the mean duration of a branch."""
 _LAG_COUNT = 15
 _LAG_COUNT_WITH_PLAYS = 8

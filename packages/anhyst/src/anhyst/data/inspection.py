@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.data import estimates
-from anhyst.data.delay import estimate_delay as estimate_skew
-from anhyst.data.estimates import estimate_noise as noise_of
+from anhyst.data.delay import estimate_delay
+from anhyst.data.estimates import estimate_noise
 from anhyst.data.holes import find_holes
 from anhyst.data.initial_history import HistoryProposal, correct_fast_histories, propose_histories
 from anhyst.data.loops import Loop, Loops
@@ -210,7 +210,7 @@ def _loop_figures(
 ) -> LoopFigures:
     proposed, reason = proposal
     centre = None if even else estimates.estimate_offsets(loop)
-    (step, uneven), delay = estimates.measure_sampling(loop), estimate_skew(loop)
+    (step, uneven), delay = estimates.measure_sampling(loop), estimate_delay(loop)
     return LoopFigures(
         label=loop.label,
         schedule=loop.schedule_value,
@@ -226,7 +226,7 @@ def _loop_figures(
         output_offset=centre[1] if centre else None,
         drift=estimates.estimate_drift(loop),
         closure=estimates.closure_error(loop),
-        noise=noise_of(loop.output),
+        noise=estimate_noise(loop.output),
         skew=delay,
         skew_s=delay * step if delay is not None and step else None,
         saturation=estimates.slope_ratio_at_tip(loop),

@@ -23,10 +23,11 @@ from anhyst.data.file_names import (
     find_gaps_in_names,
     refuse_contradicting_gap,
 )
-from anhyst.data.formats import FORMATS, OpenTable, open_table
+from anhyst.data.formats import OpenTable, open_table
 from anhyst.data.formats.channels import Texts, is_number, is_number_or_mark, parse_number
 from anhyst.data.headers import map_headers
 from anhyst.data.initial_history import correct_fast_histories, propose_histories
+from anhyst.data.input_files import expand_folders, find_sidecar, note_skipped_files
 from anhyst.data.joining import NESTED_LOOPS_NOTE, SourceLoops, add_earlier_loops, join_loops
 from anhyst.data.loop_consistency import refuse_different_loops
 from anhyst.data.loops import Loop, Loops, Source, are_even
@@ -43,7 +44,7 @@ from anhyst.data.roles import (
     find_label,
     find_roles,
 )
-from anhyst.data.sidecar import FileDescription, is_sidecar
+from anhyst.data.sidecar import FileDescription
 from anhyst.data.table import (
     LOOP_SOURCES_TEXT,
     check_source,
@@ -157,10 +158,10 @@ def read_loops(
                 [_read_table(frame_to_table(paths), _DEFAULT_LABEL, file_description, progress)]
             )
         )
-    files = _expand_folders(paths)
+    files = expand_folders(paths)
     described = {
         path: description.with_defaults(
-            shared_sidecar if shared_sidecar is not None else _find_sidecar(path)
+            shared_sidecar if shared_sidecar is not None else find_sidecar(path)
         )
         for path in files
     }
@@ -177,7 +178,7 @@ def read_loops(
         if parts[-1].schedule == QUANTITIES["gap"] and file_description.schedule is None:
             refuse_contradicting_gap(path, [loop.schedule_value for loop in parts[-1].loops])
     loops = join_loops(_fill_in_histories(apply_stated_gaps(parts)))
-    loops = replace(loops, notes=(*_note_skipped_files(paths, files), *loops.notes))
+    loops = replace(loops, notes=(*note_skipped_files(paths, files), *loops.notes))
     if gaps:
         return replace(loops, notes=(describe_name_gaps(gaps), *loops.notes))
     if all(one.schedule is None for one in described.values()):
@@ -198,69 +199,6 @@ def _find_name_gaps(described: Mapping[Path, FileDescription]) -> dict[Path, flo
         if "gap" in names or "field" in names or names.isdisjoint(_GAP_DEPENDENT_OUTPUTS):
             return {}
     return gaps
-
-
-def list_input_files(
-    paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None
-) -> list[Path]:
-    """Return the files that `read_loops` reads for these arguments, including sidecars."""
-    files = _expand_folders(paths)
-    if sidecar is not None:
-        return [*files, Path(sidecar)]
-    beside = [path.with_suffix(".toml") for path in files if path.suffix != ".toml"]
-    return files + [path for path in beside if is_sidecar(path)]
-
-
-def _as_path_list(paths: PathLike | Sequence[PathLike]) -> list[Path]:
-    listed = [paths] if not isinstance(paths, Sequence) or isinstance(paths, str) else list(paths)
-    return list(map(Path, listed))
-
-
-def _expand_folders(paths: PathLike | Sequence[PathLike]) -> list[Path]:
-    files: list[Path] = []
-    for path in _as_path_list(paths):
-        if path.is_dir():
-            data_files = [file for file in _data_files_in(path) if _may_be_table(file)]
-            if not data_files:
-                raise InputError(
-                    f"{path}: this folder contains no {', '.join(FORMATS)} file", code="no-files"
-                )
-            files += data_files
-        else:
-            files.append(path)
-    if not files:
-        raise InputError("no files given: name at least one", code="no-files")
-    return files
-
-
-def _data_files_in(folder: Path) -> list[Path]:
-    return sorted(file for file in folder.iterdir() if file.suffix.lower() in FORMATS)
-
-
-def _may_be_table(path: Path) -> bool:
-    """Whether a file in a folder can be a table: false for texts such as readme.txt."""
-    if path.suffix.lower() != ".txt":
-        return True
-    try:
-        rows = open_table(path).first_rows(MIN_LOOP_SAMPLES)
-    except InputError as error:
-        return error.code not in {"single-column", "no-table", "no-data", "empty-file"}
-    return any(is_number_or_mark(field) for row in rows for field in row)
-
-
-def _note_skipped_files(
-    paths: PathLike | Sequence[PathLike], files: Sequence[Path]
-) -> tuple[str, ...]:
-    """Return notes about text files in folders that are not tables."""
-    folders = [path for path in _as_path_list(paths) if path.is_dir()]
-    texts = [file for folder in folders for file in _data_files_in(folder) if file not in files]
-    return tuple(f"{text}: is left out, because it contains no table" for text in texts)
-
-
-def _find_sidecar(path: Path) -> FileDescription:
-    sidecar = path.with_suffix(".toml")
-    beside = sidecar != path and is_sidecar(sidecar)
-    return FileDescription.from_toml(sidecar) if beside else FileDescription()
 
 
 def _read_table(

@@ -357,7 +357,8 @@ MIN_CPU_TIME_S = 30.0
 """Limit of processor time, plus 1 s for each 4 MB; reading takes about 1 % of it."""
 _MIN_ADDRESS_SPACE = 4 << 30
 """Limit of the address space in bytes, plus twice the file; libraries reserve unused space."""
-_EXIT_REFUSED, _EXIT_OUT_OF_MEMORY = 2, 4
+_EXIT_REFUSED = 2
+_EXIT_OUT_OF_MEMORY = 4
 _DAMAGE_ADVICE = "the file is damaged or malicious: export it again"
 
 

@@ -34,8 +34,13 @@ from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
 _HEADER_BYTES = 128
-_TYPE_MATRIX, _TYPE_COMPRESSED = 14, 15
-_CLASS_CELL, _CLASS_STRUCT, _CLASS_OBJECT, _CLASS_CHAR, _CLASS_OPAQUE = 1, 2, 3, 4, 17
+_TYPE_MATRIX = 14
+_TYPE_COMPRESSED = 15
+_CLASS_CELL = 1
+_CLASS_STRUCT = 2
+_CLASS_OBJECT = 3
+_CLASS_CHAR = 4
+_CLASS_OPAQUE = 17
 _NUMERIC_CLASSES = range(5, 16)
 _MAX_DEPTH = 40
 _MAX_PARTS = 500_000

@@ -20,7 +20,8 @@ from anhyst.data.formats.channels import (
 from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
-_STEP_PROPERTY, _START_PROPERTY = "wf_increment", "wf_start_time"
+_STEP_PROPERTY = "wf_increment"
+_START_PROPERTY = "wf_start_time"
 _MIN_START_TIME = np.datetime64("1910-01-01")
 """Earliest valid start time; LabVIEW writes its epoch of 1904 if the start time is unknown."""
 _UNIT_PROPERTIES = ("unit_string", "NI_UnitDescription", "unit", "Unit")
