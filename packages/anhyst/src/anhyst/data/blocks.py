@@ -136,10 +136,10 @@ def _are_loops(parts: Sequence[FloatArray]) -> bool:
     return are_closed or all(_has_jump_between(first, second) for first, second in pairs)
 
 
-def _has_jump_between(first: FloatArray, second: FloatArray) -> bool:
+def _has_jump_between(block: FloatArray, next_block: FloatArray) -> bool:
     """Whether the input jumps from the end of a block to the start of the next one."""
-    largest_step = float(np.max(np.abs(np.diff(first)))) if first.size > 1 else 0.0
-    return bool(abs(second[0] - first[-1]) > _MIN_JUMP_STEPS * largest_step)
+    largest_step = float(np.max(np.abs(np.diff(block)))) if block.size > 1 else 0.0
+    return bool(abs(next_block[0] - block[-1]) > _MIN_JUMP_STEPS * largest_step)
 
 
 def _refuse_rows_below_data(source: str, parts: Sequence[FloatArray]) -> None:

@@ -79,17 +79,17 @@ def drop_repeated_samples(loopset: Loops) -> Loops:
 
     Different values at the same time are kept, because the clock may be coarser than the sampling.
     """
-    keep = []
+    keep_masks = []
     for loop in loopset.loops:
         columns = (loop.input, loop.output, loop.schedule, loop.time)
         is_repeated = [np.diff(column) == 0.0 for column in columns if column is not None]
-        keep.append(np.concatenate(([True], ~np.logical_and.reduce(is_repeated))))
-    return _keep_samples(loopset, keep, "dedupe: {} dropped", "repeated sample")
+        keep_masks.append(np.concatenate(([True], ~np.logical_and.reduce(is_repeated))))
+    return _keep_samples(loopset, keep_masks, "dedupe: {} dropped", "repeated sample")
 
 
 def drop_spikes(loopset: Loops) -> Loops:
     """Drop single output samples that deviate from the median of five, except near reversals."""
-    keep = []
+    keep_masks = []
     for loop in loopset.loops:
         padded = np.pad(loop.output, 2, mode="edge")
         windows = np.lib.stride_tricks.sliding_window_view(padded, 5)
@@ -101,8 +101,8 @@ def drop_spikes(loopset: Loops) -> Loops:
         is_spike = deviation > limit
         for turn in find_turning_points(loop.input):
             is_spike[max(0, turn - 2) : turn + 3] = False  # a sharp tip is not a spike
-        keep.append(~is_spike)
-    return _keep_samples(loopset, keep, "spikes: {} dropped")
+        keep_masks.append(~is_spike)
+    return _keep_samples(loopset, keep_masks, "spikes: {} dropped")
 
 
 def set_schedule_to_median(loopset: Loops) -> Loops:
@@ -272,13 +272,13 @@ def _average_along_path(loop: Loop, max_samples: int) -> Loop:
 
 
 def _keep_samples(
-    loopset: Loops, keep: Sequence[NDArray[np.bool_]], text: str, noun: str = "sample"
+    loopset: Loops, keep_masks: Sequence[NDArray[np.bool_]], text: str, noun: str = "sample"
 ) -> Loops:
     """Return the loops at the samples to keep, with a repair that counts the dropped samples."""
-    dropped = sum(int(np.count_nonzero(~mask)) for mask in keep)
+    dropped = sum(int(np.count_nonzero(~mask)) for mask in keep_masks)
     if not dropped:
         return loopset
-    pairs = zip(loopset.loops, keep, strict=True)
+    pairs = zip(loopset.loops, keep_masks, strict=True)
     loops = [replace_columns(loop, itemgetter(mask)) for loop, mask in pairs]
     return loopset.with_loops(loops, text.format(count_text(dropped, noun)))
 
@@ -339,12 +339,15 @@ class ReadOptions:
         return settings
 
     def read(
-        self, paths: Sequence[PathLike] | Any, progress: Progress | None = None, **more: Any
+        self,
+        paths: Sequence[PathLike] | Any,
+        progress: Progress | None = None,
+        **other_keywords: Any,
     ) -> Loops:
         """Read and clean loops; ``more`` are keywords of `read_loops` that are not options."""
         options = {item.name: getattr(self, item.name) for item in fields(self)}
         steps = options.pop("clean")
-        return clean(read_loops(paths, **options, progress=progress, **more), steps)
+        return clean(read_loops(paths, **options, progress=progress, **other_keywords), steps)
 
 
 def parse_names(value: object, argument: str) -> tuple[str, ...]:

@@ -75,14 +75,14 @@ def _put_on_one_clock(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[st
         columns |= raw.numbers
         values_read = [columns[column] for column in range(len(table.header))]
         notes = raw.notes[len(file.notes) :]
-    named = [
+    all_series = [
         Series(name, unit, values)
         for name, unit, values in zip(table.header, table.units, values_read, strict=True)
     ]
-    clock = named.pop(0) if time_columns else None
+    clock = all_series.pop(0) if time_columns else None
     groups = [
         ChannelGroup(channel.group if series.name == channel.name else "", None, (series,))
-        for channel, series in zip(file.channels, named, strict=True)
+        for channel, series in zip(file.channels, all_series, strict=True)
     ]
     return [replace(groups[0], clock=clock), *groups[1:]], notes
 
@@ -90,10 +90,10 @@ def _put_on_one_clock(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[st
 def _drop_complex(groups: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup], list[str]]:
     """Remove complex channels, which no format can store, and return a note about them."""
     dropped, kept_groups = [], []
-    for part in groups:
-        dropped += [signal.name for signal in part.series if signal.values.dtype.kind == "c"]
-        series = tuple(signal for signal in part.series if signal.values.dtype.kind != "c")
-        kept_groups.append(replace(part, series=series))
+    for group in groups:
+        dropped += [signal.name for signal in group.series if signal.values.dtype.kind == "c"]
+        series = tuple(signal for signal in group.series if signal.values.dtype.kind != "c")
+        kept_groups.append(replace(group, series=series))
     return kept_groups, [f"complex channels left out: {', '.join(dropped)}"] if dropped else []
 
 

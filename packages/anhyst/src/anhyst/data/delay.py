@@ -140,24 +140,27 @@ def _search_at_reversals(drive: FloatArray, answer: FloatArray, length: float) -
     noise_share = 2.0 * estimate_noise(drive) / float(np.ptp(drive))
     min_stride = max(1, round((noise_share * length) ** (2.0 / 3.0)))
     stride = max(min_stride, round(length / _COARSE_BRANCH_SAMPLES))
-    best: _Estimate | None = None
+    best_estimate: _Estimate | None = None
     delays: NDArray[np.intp] | None = None
     while True:
-        shift = 0 if best is None else round(best.delay)
+        shift = 0 if best_estimate is None else round(best_estimate.delay)
         coarse = _average_blocks(drive, answer, stride, shift)
         if delays is None:
             delays = _candidate_delays(*coarse, int(_MAX_DELAY_SHARE * length / stride))
         estimate = _estimate_in_windows(*coarse, delays, _MIN_ERROR_SAMPLES[stride > 1])
         if estimate is None:
-            return best
+            return best_estimate
         estimate = _Estimate(shift + stride * estimate.delay, stride * estimate.error)
-        if best is not None:
-            difference = abs(estimate.delay - best.delay)
-            if estimate.error > best.error or difference > _MIN_DELAY_SIGMAS * best.error:
-                return best
-        best = estimate
+        if best_estimate is not None:
+            difference = abs(estimate.delay - best_estimate.delay)
+            if (
+                estimate.error > best_estimate.error
+                or difference > _MIN_DELAY_SIGMAS * best_estimate.error
+            ):
+                return best_estimate
+        best_estimate = estimate
         if stride <= min_stride:
-            return best
+            return best_estimate
         stride = max(min_stride, stride // _REFINEMENT_FACTOR)
         delays = np.arange(-_MAX_FINE_DELAY_SAMPLES, _MAX_FINE_DELAY_SAMPLES + 1)
 
@@ -166,24 +169,24 @@ def _average_blocks(
     drive: FloatArray, answer: FloatArray, stride: int, shift: int
 ) -> tuple[FloatArray, FloatArray]:
     """Average blocks of ``stride`` samples of the input, and of the output after ``shift`` samples."""
-    first, later = drive[max(0, -shift) :], answer[max(0, shift) :]
-    count = min(first.size, later.size) // stride * stride
+    inputs, later_outputs = drive[max(0, -shift) :], answer[max(0, shift) :]
+    count = min(inputs.size, later_outputs.size) // stride * stride
     return (
-        first[:count].reshape(-1, stride).mean(axis=1),
-        later[:count].reshape(-1, stride).mean(axis=1),
+        inputs[:count].reshape(-1, stride).mean(axis=1),
+        later_outputs[:count].reshape(-1, stride).mean(axis=1),
     )
 
 
 def _find_tips(drive: FloatArray, answer: FloatArray, parts: int) -> list[_Tip]:
     """Find the reversals of an input, and whether the output has a maximum or a minimum there."""
     tips = []
-    for first, second in itertools.pairwise(find_branches(drive)[: _MAX_TIPS + 1]):
-        length = min(first.size, second.size)
-        row, width = first.stop - 1, min(length // parts, _MAX_WINDOW_SAMPLES)
+    for branch, next_branch in itertools.pairwise(find_branches(drive)[: _MAX_TIPS + 1]):
+        length = min(branch.size, next_branch.size)
+        row, width = branch.stop - 1, min(length // parts, _MAX_WINDOW_SAMPLES)
         offset = length // 3
         turn = float(np.sign(2.0 * answer[row] - answer[row - offset] - answer[row + offset]))
         if width >= _MIN_WINDOW_SAMPLES and turn != 0.0:
-            tips.append(_Tip(row, width, 1.0 if first.is_rising else -1.0, turn))
+            tips.append(_Tip(row, width, 1.0 if branch.is_rising else -1.0, turn))
     return tips
 
 
@@ -198,11 +201,11 @@ def _candidate_delays(drive: FloatArray, answer: FloatArray, reach: int) -> NDAr
     if not stack:
         return np.arange(-4, 5)
     mean = np.mean(stack, axis=0)
-    best, low = int(np.argmax(mean)), mean < mean.max() - _PEAK_SHARE * np.ptp(mean)
-    before, after = np.flatnonzero(low[:best]), np.flatnonzero(low[best:])
-    first = before[-1] if before.size else 0
-    last = best + after[0] if after.size else mean.size - 1
-    return np.arange(first - 3, last + 4) - reach
+    peak, is_low = int(np.argmax(mean)), mean < mean.max() - _PEAK_SHARE * np.ptp(mean)
+    before, after = np.flatnonzero(is_low[:peak]), np.flatnonzero(is_low[peak:])
+    first_index = before[-1] if before.size else 0
+    last_index = peak + after[0] if after.size else mean.size - 1
+    return np.arange(first_index - 3, last_index + 4) - reach
 
 
 def _estimate_in_windows(
@@ -226,9 +229,9 @@ def _estimate_in_windows(
         if estimate is None:
             return None
         estimates.append(estimate)
-    best = min(estimates, key=lambda one: one.error)
+    best_estimate = min(estimates, key=lambda candidate: candidate.error)
     half_difference = 0.5 * abs(estimates[0].delay - estimates[1].delay)
-    return _Estimate(best.delay, max(best.error, half_difference, min_error))
+    return _Estimate(best_estimate.delay, max(best_estimate.error, half_difference, min_error))
 
 
 def _misfit_by_delay(
@@ -261,11 +264,11 @@ def _most_probable(costs: FloatArray, delays: NDArray[np.intp], sigma2: float) -
         return None
     delay = float(weights @ delays)
     error = float(weights @ (delays - delay) ** 2) ** 0.5
-    best = int(np.argmin(total))
-    left, middle, right = total[best - 1 : best + 2]
-    curvature = float(left - 2.0 * middle + right)
+    best_index = int(np.argmin(total))
+    left_cost, middle_cost, right_cost = total[best_index - 1 : best_index + 2]
+    curvature = float(left_cost - 2.0 * middle_cost + right_cost)
     if error < 0.7:  # the minimum is narrower than the step of the delays
-        delay = float(delays[best]) + 0.5 * float(left - right) / curvature
+        delay = float(delays[best_index]) + 0.5 * float(left_cost - right_cost) / curvature
         error = max(error, (2.0 * sigma2 / curvature) ** 0.5)
     delay_by_tip = np.array([delays[np.argmin(total - cost)] for cost in costs])
     if np.ptp(delay_by_tip) > 1:

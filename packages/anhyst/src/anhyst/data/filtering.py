@@ -83,7 +83,7 @@ def average_over_ripple(loopset: Loops) -> Loops:
             texts.append(f"{rate}, {size} in loop '{loop.label}'")
     if not texts:
         return loopset
-    more = f" and {len(texts) - 2} more" if len(texts) > 2 else ""
+    more_text = f" and {len(texts) - 2} more" if len(texts) > 2 else ""
     name, output = loopset.input.name, loopset.output.name.replace("_", " ")
     effect = f"the {output} does not ripple, so the loop is that over the mean {name}"
     if is_followed:
@@ -94,7 +94,7 @@ def average_over_ripple(loopset: Loops) -> Loops:
         )
     return loopset.with_loops(
         loops,
-        f"ripple: the {name} ripples at {'; '.join(texts[:2])}{more}; all channels are averaged "
+        f"ripple: the {name} ripples at {'; '.join(texts[:2])}{more_text}; all channels are averaged "
         f"over its periods; {effect}",
     )
 
@@ -134,12 +134,12 @@ def _find_ripple(loop: Loop) -> _Ripple | None:
         + (neighbours[1] - neighbours[0]) / (neighbours[0] + 2.0 * amplitude + neighbours[1]) * 2.0
     )
     period = loop.n / float(peak_position)
-    slow = _average_over_period(_average_over_period(drive, period), period)
-    cut = (loop.n - slow.size) // 2
-    fast = drive[cut : cut + slow.size] - slow
-    size = 0.5 * float(np.diff(np.quantile(fast, (0.02, 0.98)))[0])
+    slow_input = _average_over_period(_average_over_period(drive, period), period)
+    cut = (loop.n - slow_input.size) // 2
+    fast_input = drive[cut : cut + slow_input.size] - slow_input
+    size = 0.5 * float(np.diff(np.quantile(fast_input, (0.02, 0.98)))[0])
     candidate = _Ripple(period, size, _is_line(_spectrum(loop.output), peak, _MIN_KNOWN_LINE_RATIO))
-    return candidate if _is_ripple(drive, slow, fast, candidate) else None
+    return candidate if _is_ripple(drive, slow_input, fast_input, candidate) else None
 
 
 def _spectrum(values: FloatArray) -> FloatArray:
@@ -157,14 +157,16 @@ def _is_line(lines: FloatArray, peak: int, min_ratio: float = _MIN_LINE_RATIO) -
     return bool(surroundings.size and lines[peak] > min_ratio * float(np.median(surroundings)))
 
 
-def _is_ripple(drive: FloatArray, slow: FloatArray, fast: FloatArray, candidate: _Ripple) -> bool:
+def _is_ripple(
+    drive: FloatArray, slow_input: FloatArray, fast_input: FloatArray, candidate: _Ripple
+) -> bool:
     """Whether an oscillation is steady, reverses the input and is fast relative to the cycles."""
-    length = float(np.median([part.size for part in find_branches(slow)]))
+    length = float(np.median([part.size for part in find_branches(slow_input)]))
     if length < _MIN_PERIODS_PER_BRANCH * candidate.period:
         return False
     if reversal_count(drive, 0.5 * candidate.amplitude) < drive.size / candidate.period:
         return False  # steps of a staircase
-    demodulated = fast * np.exp(-2j * np.pi * np.arange(fast.size) / candidate.period)
+    demodulated = fast_input * np.exp(-2j * np.pi * np.arange(fast_input.size) / candidate.period)
     amplitudes = np.array(
         [abs(part.mean()) for part in np.array_split(demodulated, _SEGMENT_COUNT)]
     )
@@ -179,9 +181,9 @@ def _is_ripple(drive: FloatArray, slow: FloatArray, fast: FloatArray, candidate:
 
 def _average_over_period(values: FloatArray, period: float) -> FloatArray:
     """Average over a period, also of fractions of samples; the ends of the record are lost."""
-    half = int(np.ceil((period - 1.0) / 2.0))
-    weights = np.ones(2 * half + 1)
-    weights[[0, -1]] = (period - (2 * half - 1)) / 2.0
+    half_width = int(np.ceil((period - 1.0) / 2.0))
+    weights = np.ones(2 * half_width + 1)
+    weights[[0, -1]] = (period - (2 * half_width - 1)) / 2.0
     averaged: FloatArray = np.convolve(values, weights / period, mode="valid")
     return averaged
 

@@ -79,8 +79,8 @@ def ignore_quantity_word(header: Header) -> Header:
     if not header.is_from_words or header.quantity is None:
         return header
     name = split_header(header.text, header.unit.symbol if header.unit else None)[0]
-    free = Quantity(name, name, header.quantity.unit)
-    return replace(header, name=name, quantity=free, is_from_words=False)
+    own_quantity = Quantity(name, name, header.quantity.unit)
+    return replace(header, name=name, quantity=own_quantity, is_from_words=False)
 
 
 def _find_column(table: OpenTable, name: str, action: str) -> int:
@@ -133,10 +133,10 @@ def _map_header(source: str, header: Header, target: str) -> Header:
     has_own = header.unit is not None and (mapped.problem or not split_header(target)[1])
     if has_own and header.unit and (with_own := parse_header(target, header.unit.symbol)).is_known:
         mapped = with_own
-    where = f"{source}: column '{header.text}' mapped to '{target}'"
+    place = f"{source}: column '{header.text}' mapped to '{target}'"
     if mapped.problem:
         raise InputError(
-            f"{where}: {header.problem if header.unit is None and header.problem else mapped.problem}",
+            f"{place}: {header.problem if header.unit is None and header.problem else mapped.problem}",
             code="bad-header",
         )
     if (
@@ -145,10 +145,13 @@ def _map_header(source: str, header: Header, target: str) -> Header:
         and header.unit
         and mapped.unit.dimension == header.unit.dimension
     ):
-        same = (mapped.unit.scale, mapped.unit.offset) == (header.unit.scale, header.unit.offset)
-        if not same:
+        is_same_unit = (mapped.unit.scale, mapped.unit.offset) == (
+            header.unit.scale,
+            header.unit.offset,
+        )
+        if not is_same_unit:
             raise InputError(
-                f"{where}: the file says {header.unit.symbol}, the mapping {mapped.unit.symbol}; "
+                f"{place}: the file says {header.unit.symbol}, the mapping {mapped.unit.symbol}; "
                 f"map it to '{mapped.name}' to convert it",
                 code="units-differ",
             )
@@ -162,9 +165,9 @@ def _require_scales(source: str, headers: list[Header]) -> None:
     for header in headers:
         if not header.target or header.unit is None or header.scale is not None:
             continue
-        own = replace(header, unit=find_unit(header.stated))
-        if needs_scale(own, header.unit.dimension):
-            unknown[header.text] = scale_placeholder(own, header.unit.symbol)
+        stated_header = replace(header, unit=find_unit(header.stated))
+        if needs_scale(stated_header, header.unit.dimension):
+            unknown[header.text] = scale_placeholder(stated_header, header.unit.symbol)
             stated = header.stated
     if unknown:
         texts = " and ".join(f"'{name}'" for name in unknown)

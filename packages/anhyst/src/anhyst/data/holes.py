@@ -70,10 +70,10 @@ def cut_holes(loopset: Loops) -> Loops:
             continue
         kept = sum(piece.n for piece in pieces)
         loops = [piece for old in loopset.loops for piece in (pieces if old is loop else [old])]
-        more = f" and {len(found) - 1} more" if len(found) > 1 else ""
+        more_text = f" and {len(found) - 1} more" if len(found) > 1 else ""
         loopset = loopset.with_loops(
             loops,
-            f"holes: in loop '{loop.label}' {found[0]}{more}; the history after it is unknown up to "
+            f"holes: in loop '{loop.label}' {found[0]}{more_text}; the history after it is unknown up to "
             f"the next extreme {loopset.input.name}: {loop.n - kept} samples left out, "
             f"{len(pieces)} loops remain",
         )
@@ -119,9 +119,9 @@ def _find_known_history(loop: Loop, start: int, stop: int) -> tuple[int, History
     The input of largest magnitude wipes out the entire history. The opposite extreme wipes out
     everything except the first one.
     """
-    low, high = float(loop.input.min()), float(loop.input.max())
-    tips = (low, high) if abs(high) >= abs(low) else (high, low)
-    max_distance = _MAX_TIP_DISTANCE * (high - low)
+    lowest, highest = float(loop.input.min()), float(loop.input.max())
+    tips = (lowest, highest) if abs(highest) >= abs(lowest) else (highest, lowest)
+    max_distance = _MAX_TIP_DISTANCE * (highest - lowest)
     was_largest = loop.history.kind == "settled" or bool(
         np.any(np.abs(loop.input[:start] - tips[1]) <= max_distance)
     )
@@ -139,10 +139,10 @@ def _find_known_history(loop: Loop, start: int, stop: int) -> tuple[int, History
             )
     if not is_near.any():
         return None
-    first = int(np.argmax(is_near))
-    rows_away = np.flatnonzero(~is_near[first:])
-    last = first + int(rows_away[0]) if rows_away.size else is_near.size
-    begin = start + first + int(np.argmin(distance[first:last]))
+    first_near = int(np.argmax(is_near))
+    rows_away = np.flatnonzero(~is_near[first_near:])
+    last_near = first_near + int(rows_away[0]) if rows_away.size else is_near.size
+    begin = start + first_near + int(np.argmin(distance[first_near:last_near]))
     points = (
         turning_points
         if is_bipolar(loop.input) or turning_points[-1] == tips[0]

@@ -97,28 +97,32 @@ def correct_fast_histories(
     not, the history of the fast loop is the largest slow loop.
     """
     carried = list(proposals)
-    for index, slower in enumerate(find_slower_loops(loops)):
-        not_demagnetised = [place for place in slower if proposals[place][0].kind != "demagnetised"]
+    for index, slower_indices in enumerate(find_slower_loops(loops)):
+        not_demagnetised = [
+            place for place in slower_indices if proposals[place][0].kind != "demagnetised"
+        ]
         if (
             proposals[index][0].kind != "demagnetised"
-            or not slower
-            or len(not_demagnetised) < len(slower)
+            or not slower_indices
+            or len(not_demagnetised) < len(slower_indices)
         ):
             continue
-        slow = max((loops[place] for place in slower), key=lambda loop: float(np.ptp(loop.input)))
+        largest_slow = max(
+            (loops[place] for place in slower_indices), key=lambda loop: float(np.ptp(loop.input))
+        )
         reason = (
             "it is faster than other loops of its gap, whose first rise is not the initial curve; "
             "eddy currents explain its different first cycle (state --history to change this)"
         )
-        carried[index] = _history_after_slow(slow, loops[index]), reason
+        carried[index] = _history_after_slow(largest_slow, loops[index]), reason
     return carried
 
 
-def _history_after_slow(slow: Loop, fast: Loop) -> History:
+def _history_after_slow(slow_loop: Loop, fast_loop: Loop) -> History:
     """Return the history of a loop that starts at rest after a slow loop."""
-    span, start = float(np.ptp(slow.input)), float(fast.input[0])
-    last = [slow.n - 1 - int(pick(slow.input[::-1])) for pick in (np.argmin, np.argmax)]
-    ends = [float(f"{slow.input[place]:.4g}") for place in sorted(last)]
+    span, start = float(np.ptp(slow_loop.input)), float(fast_loop.input[0])
+    last = [slow_loop.n - 1 - int(pick(slow_loop.input[::-1])) for pick in (np.argmin, np.argmax)]
+    ends = [float(f"{slow_loop.input[place]:.4g}") for place in sorted(last)]
     return_point = (
         [] if abs(ends[-1] - start) <= _MAX_END_DISTANCE * span else [float(f"{start:.4g}")]
     )
@@ -248,14 +252,15 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
     parts = find_branches(size)
     if abs(size[0]) > rest_limit or len(parts) < 3:
         return []
-    first = parts[0]
-    if not first.is_rising:
+    first_rise = parts[0]
+    if not first_rise.is_rising:
         size, answer = -size, answer if even else -answer
-    low, end = float(size[0]), float(size[first.stop - 1])
+    start_input, end_input = float(size[0]), float(size[first_rise.stop - 1])
     for index in range(2, len(parts), 2):
-        later = parts[index]
-        top = min(end, float(size[later.stop - 1]))
-        if float(size[later.start]) <= low + rest_limit and top - low >= 0.5 * (end - low):
+        later_branch = parts[index]
+        top = min(end_input, float(size[later_branch.stop - 1]))
+        starts_at_rest = float(size[later_branch.start]) <= start_input + rest_limit
+        if starts_at_rest and top - start_input >= 0.5 * (end_input - start_input):
             break
     else:
         return []
@@ -266,8 +271,10 @@ def _compare_rises(loop: Loop, *, even: bool) -> list[_RiseComparison]:
     )
     falls = (curves[1], curves[index + 1]) if index + 1 < len(parts) else None
     drift = _estimate_drift(curves[0], curves[index], falls, top, sigma)
-    comparisons = _compare_parts(curves[0], curves[index], curves[1], top - low, drift, sigma)
-    inputs_between = loop.input[first.stop - 1 : later.stop]
+    comparisons = _compare_parts(
+        curves[0], curves[index], curves[1], top - start_input, drift, sigma
+    )
+    inputs_between = loop.input[first_rise.stop - 1 : later_branch.stop]
     inputs_between = inputs_between * np.sign(inputs_between[0])
     if not (float(inputs_between.min()) < -0.1 * float(inputs_between.max())):
         return comparisons
@@ -289,14 +296,20 @@ def _estimate_drift(
     """Return the mean distance of curves that coincide without drift, and its standard error."""
     span = top - float(rise[0][0])
     if falls is not None and abs(falls[0][0][0] - falls[1][0][0]) <= _MAX_REST_SHARE * span:
-        (first, second), low = falls, float(falls[1][0].min())
+        (first_curve, second_curve), low_input = falls, float(falls[1][0].min())
     else:
-        first, second, low = rise, later_rise, top - (1.0 - _RISES_MEET_SHARE) * span
-    is_in_range = (first[0] >= low) & (first[0] <= min(top, float(second[0].max())))
-    size, answer = first[0][is_in_range], first[1][is_in_range]
+        first_curve, second_curve, low_input = (
+            rise,
+            later_rise,
+            top - (1.0 - _RISES_MEET_SHARE) * span,
+        )
+    is_in_range = (first_curve[0] >= low_input) & (
+        first_curve[0] <= min(top, float(second_curve[0].max()))
+    )
+    size, answer = first_curve[0][is_in_range], first_curve[1][is_in_range]
     if size.size < _MIN_SAMPLES:
         return 0.0, _output_scatter(rise[1], span, sigma)
-    difference = _interpolate(second, size) - answer
+    difference = _interpolate(second_curve, size) - answer
     error = _output_scatter(answer, span, sigma) * (2.0 / size.size) ** 0.5
     # A difference that varies along the curve is not drift.
     unevenness = float(np.std([part.mean() for part in np.array_split(difference, _MIN_SAMPLES)]))
@@ -320,14 +333,18 @@ def _compare_parts(
     )
     rises = []
     for part in _FIRST_RISE_PARTS:
-        low = share < part
-        count = min(np.count_nonzero(low), np.count_nonzero(later_rise[0] < size[0] + part * span))
+        is_in_part = share < part
+        count = min(
+            np.count_nonzero(is_in_part), np.count_nonzero(later_rise[0] < size[0] + part * span)
+        )
         if count < _MIN_SAMPLES:
             continue
-        error = _output_scatter(answer[low], part * span, sigma) * (2.0 / count) ** 0.5
-        mean = float(difference[low].mean()) - drift[0]
+        error = _output_scatter(answer[is_in_part], part * span, sigma) * (2.0 / count) ** 0.5
+        mean = float(difference[is_in_part].mean()) - drift[0]
         rises.append(
-            _RiseComparison(mean, float(np.hypot(error, drift[1])), float(height[low].mean()))
+            _RiseComparison(
+                mean, float(np.hypot(error, drift[1])), float(height[is_in_part].mean())
+            )
         )
     return rises
 

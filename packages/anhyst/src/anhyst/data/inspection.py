@@ -291,24 +291,28 @@ def plot_inspection(inspection: Inspection, loopset: Loops) -> Figure:
 
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
     grid = figure.add_gridspec(2, 2, height_ratios=(1.0, 0.24))
-    left, right = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
+    loop_axes, residual_axes = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
     text_axes = figure.add_subplot(grid[1, :])
-    loopset.plot(left)
-    left.set_title("measured", loc="left", fontsize="medium")
+    loopset.plot(loop_axes)
+    loop_axes.set_title("measured", loc="left", fontsize="medium")
     has_moving_schedule = any(loop.schedule_value is None for loop in loopset.loops)
     colours = schedule_colours(loopset.schedule_values, has_moving=has_moving_schedule)
     size = largest_output(loopset)
     for loop, residual in single_valued_residuals(loopset):
         shown_rows = thinning_slice(loop.n)
         share = 100.0 * residual[shown_rows] / size
-        right.plot(loop.input[shown_rows], share, color=colours[loop.schedule_value], lw=0.9)
+        residual_axes.plot(
+            loop.input[shown_rows], share, color=colours[loop.schedule_value], lw=0.9
+        )
     noise = 100.0 * inspection.verdict.noise_relative
-    right.axhspan(-noise, noise, color="0.6", alpha=0.5, lw=0, label="noise (mean)")
-    right.set_xlabel(loopset.input.label)
-    right.set_ylabel(f"% of {name_full_scale(loopset.output)}")
-    right.set_title("residuals of the best single-valued curve", loc="left", fontsize="medium")
-    right.legend(frameon=False, fontsize="small")
-    style_axes(right)
+    residual_axes.axhspan(-noise, noise, color="0.6", alpha=0.5, lw=0, label="noise (mean)")
+    residual_axes.set_xlabel(loopset.input.label)
+    residual_axes.set_ylabel(f"% of {name_full_scale(loopset.output)}")
+    residual_axes.set_title(
+        "residuals of the best single-valued curve", loc="left", fontsize="medium"
+    )
+    residual_axes.legend(frameon=False, fontsize="small")
+    style_axes(residual_axes)
     text_axes.set_axis_off()
     text = "\n".join(inspection.verdict.sentences)
     text_axes.text(0.0, 1.0, text, va="top", fontsize="medium", linespacing=1.5)

@@ -53,13 +53,13 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
     files are labelled with the names of their files. Scheduling values that differ only by rounding
     become equal.
     """
-    first = parts[0]
+    first_part = parts[0]
     for part, role in product(parts[1:], ("input", "output", "schedule")):
-        mine, theirs = getattr(first, role), getattr(part, role)
+        mine, theirs = getattr(first_part, role), getattr(part, role)
         if mine != theirs:
             texts = [quantity.column if quantity else "none" for quantity in (mine, theirs)]
             raise InputError(
-                f"{part.source_name}: its {role} is {texts[1]} but that of {first.source_name} is "
+                f"{part.source_name}: its {role} is {texts[1]} but that of {first_part.source_name} is "
                 f"{texts[0]}; files that are read together must contain the same quantities",
                 code="quantities-differ",
             )
@@ -86,9 +86,9 @@ def join_loops(parts: Sequence[SourceLoops]) -> Loops:
     sources = tuple(part.source for part in parts if part.source is not None)
     return Loops(
         _make_labels_unique(entries),
-        first.input,
-        first.output,
-        first.schedule,
+        first_part.input,
+        first_part.output,
+        first_part.schedule,
         sources,
         tuple(notes),
     )
@@ -110,10 +110,10 @@ class _Entry:
 
 def _make_labels_unique(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
     """Return the loops with labels that are unique at each scheduling value."""
-    alike: defaultdict[tuple[str, float | None], list[_Entry]] = defaultdict(list)
+    entries_by_label: defaultdict[tuple[str, float | None], list[_Entry]] = defaultdict(list)
     for entry in entries:
         if entry.is_identifiable:
-            alike[entry.loop.label, entry.schedule_value].append(entry)
+            entries_by_label[entry.loop.label, entry.schedule_value].append(entry)
     paths = {entry.part.source_name: PurePath(entry.part.source_name) for entry in entries}
     stems = Counter(path.stem for path in paths.values())
     names = {
@@ -122,7 +122,7 @@ def _make_labels_unique(entries: Sequence[_Entry]) -> tuple[Loop, ...]:
     }
     labels = {
         id(entry): _unique_label(entry, group[0], names[entry.part.source_name])
-        for group in alike.values()
+        for group in entries_by_label.values()
         if len(group) > 1
         for entry in group
     }
@@ -136,21 +136,21 @@ def _snap_schedule(loop: Loop, values: list[float]) -> Loop:
     value = loop.schedule_value
     if value is None or value in values:
         return loop
-    for near in values:
-        if abs(near - value) <= 1e-9 * abs(near):
-            return replace(loop, schedule=np.full(loop.n, near))
+    for earlier_value in values:
+        if abs(earlier_value - value) <= 1e-9 * abs(earlier_value):
+            return replace(loop, schedule=np.full(loop.n, earlier_value))
     values.append(value)
     return loop
 
 
-def _unique_label(entry: _Entry, first: _Entry, name: str) -> str:
+def _unique_label(entry: _Entry, first_entry: _Entry, name: str) -> str:
     """Return a label with the name of the file; raise an error for equal labels without a gap."""
     if not entry.part.is_labelled:
         return name
-    if entry.schedule_value is None and entry is not first:
+    if entry.schedule_value is None and entry is not first_entry:
         raise InputError(
             f"{entry.part.source_name}: loop '{entry.loop.label}' is also in "
-            f"{first.part.source_name}, with other data; leave one out, give each its own label, "
+            f"{first_entry.part.source_name}, with other data; leave one out, give each its own label, "
             "or state what differs, such as a gap or a temperature",
             code="loop-twice",
             key=entry.loop.label,
@@ -158,20 +158,20 @@ def _unique_label(entry: _Entry, first: _Entry, name: str) -> str:
     return f"{name} {entry.loop.label}"
 
 
-def _find_twin(entry: _Entry, other: _Entry) -> str | None:
+def _find_twin(entry: _Entry, earlier_entry: _Entry) -> str | None:
     """Return the other file that contains the same data; raise an error if its gap differs."""
-    ours, theirs = entry.loop, other.loop
+    ours, theirs = entry.loop, earlier_entry.loop
     if not (
         np.array_equal(ours.input, theirs.input) and np.array_equal(ours.output, theirs.output)
     ):
         return None
-    if entry.schedule_value != other.schedule_value:
+    if entry.schedule_value != earlier_entry.schedule_value:
         raise InputError(
             f"{entry.part.source_name}: contains the same data at {entry.schedule_value:g} as "
-            f"{other.part.source_name} at {other.schedule_value:g}; one of the two is mislabelled",
+            f"{earlier_entry.part.source_name} at {earlier_entry.schedule_value:g}; one of the two is mislabelled",
             code="same-data-twice",
         )
-    return other.part.source_name if entry.part is not other.part else None
+    return earlier_entry.part.source_name if entry.part is not earlier_entry.part else None
 
 
 def _fingerprint(loop: Loop) -> tuple[float, ...]:
@@ -244,11 +244,11 @@ def _history_after(earlier: Sequence[Loop], loop: Loop) -> History:
     """Return the history of a settled loop after earlier loops."""
     points: list[float] = []
     schedule: list[float | None] = []
-    for other in earlier:
-        turns = find_turning_points(other.input)
-        points += other.input[turns].tolist()
-        same_gap = other.schedule_value == loop.schedule_value
-        schedule += [None if same_gap else other.schedule_value] * turns.size
+    for earlier_loop in earlier:
+        turns = find_turning_points(earlier_loop.input)
+        points += earlier_loop.input[turns].tolist()
+        same_gap = earlier_loop.schedule_value == loop.schedule_value
+        schedule += [None if same_gap else earlier_loop.schedule_value] * turns.size
     return History("settled", tuple(points), tuple(schedule))
 
 
@@ -259,19 +259,23 @@ def _is_on_larger_loop(loop: Loop, larger: Loop) -> bool | None:
         return None
     verdicts = []
     for rising in (True, False):
-        inner, outer = _longest_branch(loop, rising), _longest_branch(larger, rising)
-        opposite = _longest_branch(larger, not rising)
-        if inner is None or outer is None or opposite is None:
+        inner_branch, outer_branch = _longest_branch(loop, rising), _longest_branch(larger, rising)
+        opposite_branch = _longest_branch(larger, not rising)
+        if inner_branch is None or outer_branch is None or opposite_branch is None:
             continue
         end_index = 0 if rising else -1
-        if abs(inner[0][end_index] - outer[0][end_index]) > _MAX_END_DISTANCE * span:
+        if abs(inner_branch[0][end_index] - outer_branch[0][end_index]) > _MAX_END_DISTANCE * span:
             continue
-        is_in_range = (inner[0] >= outer[0][0]) & (inner[0] <= outer[0][-1])
+        is_in_range = (inner_branch[0] >= outer_branch[0][0]) & (
+            inner_branch[0] <= outer_branch[0][-1]
+        )
         if np.count_nonzero(is_in_range) < _MIN_BRANCH_SAMPLES:
             continue
-        inputs, outputs = inner[0][is_in_range], inner[1][is_in_range]
-        distance = float(np.mean(outputs - np.interp(inputs, *outer)))
-        height = abs(float(np.mean(np.interp(inputs, *opposite) - np.interp(inputs, *outer))))
+        inputs, outputs = inner_branch[0][is_in_range], inner_branch[1][is_in_range]
+        distance = float(np.mean(outputs - np.interp(inputs, *outer_branch)))
+        height = abs(
+            float(np.mean(np.interp(inputs, *opposite_branch) - np.interp(inputs, *outer_branch)))
+        )
         slope = float(np.ptp(outputs) / np.ptp(inputs))
         scatter = np.hypot(estimate_noise(loop.output), slope * estimate_noise(loop.input))
         error = float(scatter) * (2.0 / inputs.size) ** 0.5

@@ -47,19 +47,21 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
         return
     largest: dict[float | None, Loop] = {}
     for loop in sorted(loopset.loops, key=lambda loop: -float(np.max(np.abs(loop.input)))):
-        other = largest.setdefault(loop.schedule_value, loop)
-        if has_blocks and loop.source == other.source and _are_apart(loop, other):
+        larger_loop = largest.setdefault(loop.schedule_value, loop)
+        if has_blocks and loop.source == larger_loop.source and _are_apart(loop, larger_loop):
             raise InputError(
                 f"{loop.source}: blank lines, remarks or invalid rows separate {len(sources)} "
                 f"blocks, which contain different loops of the same quantities without a gap "
-                f"('{other.label}' and '{loop.label}'); state the gaps in a column 'gap_mm', or by "
+                f"('{larger_loop.label}' and '{loop.label}'); state the gaps in a column 'gap_mm', or by "
                 "a line such as '# gap = 0.5 mm' above each block; if there is no gap: "
                 "--schedule none",
                 code="gap-missing",
                 key="gap",
             )
-        if loop.source != other.source and _are_apart(loop, other):
-            names = " and ".join(PurePath(one.source).name for one in (other, loop))
+        if loop.source != larger_loop.source and _are_apart(loop, larger_loop):
+            names = " and ".join(
+                PurePath(named_loop.source).name for named_loop in (larger_loop, loop)
+            )
             raise InputError(
                 f"{loop.source}: the {len(files)} files contain different loops of the same "
                 f"quantities without a gap ({names}); state the gap in the file names, such as "
@@ -73,8 +75,8 @@ def refuse_different_loops(loopset: Loops, *, has_blocks: bool = False) -> None:
 def _refuse_different_cycles(loopset: Loops) -> None:
     """Ask for the gap if cycles of one record reach different outputs at the same input."""
     for loop in loopset.loops:
-        for first, second in find_repeats(loop.input, find_branches(loop.input)):
-            tip_outputs = [_tip_output(loop, branch) for branch in (first, second)]
+        for pair in find_repeats(loop.input, find_branches(loop.input)):
+            tip_outputs = [_tip_output(loop, branch) for branch in pair]
             size = max(map(abs, tip_outputs))
             if size < _MIN_TIP_SHARE * float(np.max(np.abs(loop.output))):
                 continue  # noise or ripple moves the tip of a small cycle
@@ -100,13 +102,15 @@ def _are_apart(loop: Loop, larger: Loop) -> bool:
     sign = 1.0 if float(loop.input.max()) >= -float(loop.input.min()) else -1.0
     distances, middles = [], []
     for level in float((sign * loop.input).max()) * _LEVEL_SHARES:
-        pair = [_outputs_at(one, sign, level) for one in (loop, larger)]
+        pair = [_outputs_at(compared_loop, sign, level) for compared_loop in (loop, larger)]
         if pair[0].size == 0 or pair[1].size == 0:
             continue
-        (low, high), (other_low, other_high) = [(float(p.min()), float(p.max())) for p in pair]
-        size = max(abs(low), abs(high), abs(other_low), abs(other_high)) or 1.0
-        distances.append(max(0.0, low - other_high, other_low - high) / size)
-        middles.append(abs(low + high - other_low - other_high) / (2.0 * size))
+        (lowest, highest), (other_lowest, other_highest) = [
+            (float(p.min()), float(p.max())) for p in pair
+        ]
+        size = max(abs(lowest), abs(highest), abs(other_lowest), abs(other_highest)) or 1.0
+        distances.append(max(0.0, lowest - other_highest, other_lowest - highest) / size)
+        middles.append(abs(lowest + highest - other_lowest - other_highest) / (2.0 * size))
     if not distances:
         return False
     if float(np.median(distances)) > _MIN_BRANCH_DISTANCE:
@@ -116,14 +120,15 @@ def _are_apart(loop: Loop, larger: Loop) -> bool:
 
 def _are_comparable(loop: Loop, other: Loop) -> bool:
     """Whether two loops have the same input range and the same speed."""
-    ends = [(float(one.input.min()), float(one.input.max())) for one in (loop, other)]
+    pair = (loop, other)
+    ends = [(float(member.input.min()), float(member.input.max())) for member in pair]
     span = ends[1][1] - ends[1][0]
     if max(abs(ends[0][0] - ends[1][0]), abs(ends[0][1] - ends[1][1])) > _MAX_END_DIFFERENCE * span:
         return False
     speeds = [
-        float(np.sum(np.abs(np.diff(one.input)))) / float(one.time[-1] - one.time[0])
-        for one in (loop, other)
-        if one.time is not None
+        float(np.sum(np.abs(np.diff(member.input)))) / float(member.time[-1] - member.time[0])
+        for member in pair
+        if member.time is not None
     ]
     return len(speeds) < 2 or max(speeds) <= _MAX_SPEED_RATIO * min(speeds)
 

@@ -189,12 +189,12 @@ class Loops(Result):
     def __post_init__(self) -> None:
         if not self.loops:
             raise InputError("no loops: nothing to work with", code="no-loops")
-        seen: set[tuple[str, float | None]] = set()
+        used_keys: set[tuple[str, float | None]] = set()
         for loop in self.loops:
             if (loop.schedule is None) != (self.schedule is None):
-                what = self.schedule.name if self.schedule else "scheduling value"
+                schedule_name = self.schedule.name if self.schedule else "scheduling value"
                 raise InputError(
-                    f"loop '{loop.label}': has a {what} and other loops do not, or the reverse",
+                    f"loop '{loop.label}': has a {schedule_name} and other loops do not, or the reverse",
                     code="quantities-differ",
                     key=loop.label,
                 )
@@ -206,13 +206,13 @@ class Loops(Result):
                     key=loop.label,
                 )
             key = (loop.label, loop.schedule_value)
-            if key in seen and (loop.schedule is None or key[1] is not None):
+            if key in used_keys and (loop.schedule is None or key[1] is not None):
                 raise InputError(
                     f"two loops are both called '{self.describe(loop)}'; rename one",
                     code="loop-twice",
                     key=loop.label,
                 )
-            seen.add(key)
+            used_keys.add(key)
 
     def __len__(self) -> int:
         return len(self.loops)
@@ -227,11 +227,11 @@ class Loops(Result):
         matches = [loop for loop in self.loops if loop.label == index]
         if len(matches) == 1:
             return matches[0]
-        known = ", ".join(repr(label) for label in dict.fromkeys(self.labels))
-        text = f"no loop '{index}'; there are: {known}"
+        label_list = ", ".join(repr(label) for label in dict.fromkeys(self.labels))
+        text = f"no loop '{index}'; there are: {label_list}"
         if matches:
-            what = self.schedule.name if self.schedule else "scheduling value"
-            text = f"{len(matches)} loops are called '{index}'; select one {what} first: at(value)"
+            schedule_name = self.schedule.name if self.schedule else "scheduling value"
+            text = f"{len(matches)} loops are called '{index}'; select one {schedule_name} first: at(value)"
         raise InputError(text, code="no-such-loop", key=index)
 
     @property
@@ -280,11 +280,13 @@ class Loops(Result):
         scale = max((abs(value) for value in self.schedule_values), default=0.0)
         selected: set[float] = set()
         for value in requested:
-            near = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
-            if not near:
-                have = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"
-                raise InputError(f"no loop at {value:g}; there are: {have}", code="no-such-loop")
-            selected |= near
+            matching_values = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
+            if not matching_values:
+                value_list = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"
+                raise InputError(
+                    f"no loop at {value:g}; there are: {value_list}", code="no-such-loop"
+                )
+            selected |= matching_values
         loops = tuple(loop for loop in self.loops if loop.schedule_value in selected)
         return replace(self, loops=loops)
 
@@ -329,11 +331,11 @@ class Loops(Result):
 
     def describe(self, loop: Loop) -> str:
         """Return the name of a loop for a message: its file, its label and its scheduling value."""
-        where = f"{loop.source}: " if loop.source else ""
+        file_text = f"{loop.source}: " if loop.source else ""
         value = loop.schedule_value
         if self.schedule is None or value is None:
-            return f"{where}loop '{loop.label}'"
-        return f"{where}loop '{loop.label}' at {self.schedule.show(value)}"
+            return f"{file_text}loop '{loop.label}'"
+        return f"{file_text}loop '{loop.label}' at {self.schedule.show(value)}"
 
     def to_columns(self) -> dict[str, Column]:
         """Return all loops one after the other, as columns of SI values by header."""
@@ -371,13 +373,15 @@ class Loops(Result):
         rows = []
         for loop in self.loops[:MAX_ROWS]:
             value = loop.schedule_value
-            shown = [] if self.schedule is None else ["moves" if value is None else f"{value:g}"]
+            schedule_fields = (
+                [] if self.schedule is None else ["moves" if value is None else f"{value:g}"]
+            )
             ends = (
                 f"{np.min(side):.4g} to {np.max(side):.4g}" for side in (loop.input, loop.output)
             )
-            rows.append([loop.label, *shown, str(loop.n), *ends, loop.history.kind])
-        rest = len(self) - len(rows)
-        rows += [[f"and {count_text(rest, 'more loop')}"]] if rest else []
+            rows.append([loop.label, *schedule_fields, str(loop.n), *ends, loop.history.kind])
+        hidden_count = len(self) - len(rows)
+        rows += [[f"and {count_text(hidden_count, 'more loop')}"]] if hidden_count else []
         return super()._repr_html_() + html_table(head, rows)
 
     def draw(self, ax: Axes) -> None:

@@ -40,9 +40,9 @@ def move_plays(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> 
     along = drive.T[:, :, None]
     low, high = along - thresholds, along + thresholds
     states = np.empty_like(low)
-    now = start
+    current = start
     for i, state in enumerate(states):
-        now = np.minimum(np.maximum(now, low[i]), high[i], out=state)
+        current = np.minimum(np.maximum(current, low[i]), high[i], out=state)
     return states
 
 
@@ -58,18 +58,18 @@ def find_turning_points(values: FloatArray, threshold: float | None = None) -> N
     extremes = _find_local_extremes(values)
     heights = values[extremes].tolist()
     reversals = [0]
-    low = high = direction = 0
+    lowest = highest = direction = 0
     for index, height in enumerate(heights):
-        if direction <= 0 and height < heights[low]:
-            low = index
-        if direction >= 0 and height > heights[high]:
-            high = index
-        if direction <= 0 and height - heights[low] > threshold:
-            reversals.append(low)
-            direction, high = 1, index
-        elif direction >= 0 and heights[high] - height > threshold:
-            reversals.append(high)
-            direction, low = -1, index
+        if direction <= 0 and height < heights[lowest]:
+            lowest = index
+        if direction >= 0 and height > heights[highest]:
+            highest = index
+        if direction <= 0 and height - heights[lowest] > threshold:
+            reversals.append(lowest)
+            direction, highest = 1, index
+        elif direction >= 0 and heights[highest] - height > threshold:
+            reversals.append(highest)
+            direction, lowest = -1, index
     selected = np.unique(np.array([*reversals, len(heights) - 1], dtype=np.intp))
     return extremes[selected]
 
@@ -83,10 +83,10 @@ def find_crossings(
     values: FloatArray, other: FloatArray, level: float, *, rising: bool
 ) -> FloatArray:
     """Interpolate ``other`` where ``values`` crosses a level in one direction."""
-    below = values < level if rising else values > level
-    at = np.flatnonzero(below[:-1] & ~below[1:])
-    share = (level - values[at]) / (values[at + 1] - values[at])
-    return other[at] + share * (other[at + 1] - other[at])
+    is_before = values < level if rising else values > level
+    rows = np.flatnonzero(is_before[:-1] & ~is_before[1:])
+    share = (level - values[rows]) / (values[rows + 1] - values[rows])
+    return other[rows] + share * (other[rows + 1] - other[rows])
 
 
 def are_measured(values: FloatArray) -> NDArray[np.bool_]:
@@ -120,11 +120,11 @@ def find_overrange_mark(values: FloatArray, *, is_output: bool) -> float | None:
     for mark in (float(measured.max()), float(measured.min())):
         is_mark = measured == mark
         count = int(np.count_nonzero(is_mark))
-        others = measured[~is_mark]
-        if others.size < _MIN_OTHER_SAMPLES or count > _MAX_MARK_SHARE * measured.size:
+        other_values = measured[~is_mark]
+        if other_values.size < _MIN_OTHER_SAMPLES or count > _MAX_MARK_SHARE * measured.size:
             continue
-        span = float(np.ptp(others))
-        distance = float(np.min(np.abs(others - mark)))
+        span = float(np.ptp(other_values))
+        distance = float(np.min(np.abs(other_values - mark)))
         is_known = _KNOWN_MARK.fullmatch(_significant_digits(mark)) is not None
         if span > 0.0 and (
             (is_output and count > 1 and distance > _MIN_MARK_DISTANCE * span)
@@ -143,7 +143,7 @@ def _significant_digits(value: float) -> str:
 
 
 def refuse_missing(
-    where: Callable[[int], str],
+    locate_row: Callable[[int], str],
     columns: Sequence[tuple[str, FloatArray]],
     remedy: str = "remove the lines",
 ) -> None:
@@ -152,12 +152,12 @@ def refuse_missing(
     Every format returns overrange and invalid samples as NaN. ``columns`` are pairs of header and
     values.
     """
-    missing = [~are_measured(values) for _, values in columns]
-    for (name, _), is_missing in zip(columns, missing, strict=True):
+    missing_masks = [~are_measured(values) for _, values in columns]
+    for (name, _), is_missing in zip(columns, missing_masks, strict=True):
         if is_missing.any():
-            rows = np.logical_or.reduce(missing)
+            rows = np.logical_or.reduce(missing_masks)
             raise InputError(
-                f"{where(int(np.argmax(is_missing)))}, column '{name}': no measured value "
+                f"{locate_row(int(np.argmax(is_missing)))}, column '{name}': no measured value "
                 f"(overrange, invalid or empty), as in {np.count_nonzero(rows)} of {rows.size} "
                 f"samples; {remedy}",
                 code="not-finite",
@@ -177,8 +177,8 @@ def _find_local_extremes(values: FloatArray) -> NDArray[np.intp]:
     if moving.size == 0:
         return np.array([0] if values.size == 1 else [0, values.size - 1], dtype=np.intp)
     up = values[moving + 1] > values[moving]
-    inner = moving[np.flatnonzero(up[1:] != up[:-1])] + 1
-    return np.unique(np.concatenate(([0], inner, [values.size - 1]))).astype(np.intp)
+    inner_extremes = moving[np.flatnonzero(up[1:] != up[:-1])] + 1
+    return np.unique(np.concatenate(([0], inner_extremes, [values.size - 1]))).astype(np.intp)
 
 
 _MAX_STEP_SHARE = 0.5
@@ -259,12 +259,12 @@ def find_branches(drive: FloatArray) -> list[Branch]:
 
 def find_repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, Branch]]:
     """Return pairs of branches, one cycle apart, that start and end at the same input."""
-    near = _MAX_REPEAT_DISTANCE * float(np.ptp(drive))
+    max_distance = _MAX_REPEAT_DISTANCE * float(np.ptp(drive))
     return [
         (first, second)
         for first, second in zip(parts, parts[2:], strict=False)
-        if abs(drive[first.start] - drive[second.start]) <= near
-        and abs(drive[first.stop - 1] - drive[second.stop - 1]) <= near
+        if abs(drive[first.start] - drive[second.start]) <= max_distance
+        and abs(drive[first.stop - 1] - drive[second.stop - 1]) <= max_distance
     ]
 
 
@@ -288,9 +288,11 @@ def smooth_curve(drive: FloatArray, answer: FloatArray) -> tuple[FloatArray, Flo
     if x.size < 2:
         return x, y
     slopes = np.diff(y)[[0, -1]] / np.diff(x)[[0, -1]]
-    ends = np.array([drive.min(), drive.max()])
-    outer = y[[0, -1]] + slopes * (ends - x[[0, -1]])
-    return np.concatenate([ends[:1], x, ends[1:]]), np.concatenate([outer[:1], y, outer[1:]])
+    end_inputs = np.array([drive.min(), drive.max()])
+    end_outputs = y[[0, -1]] + slopes * (end_inputs - x[[0, -1]])
+    return np.concatenate([end_inputs[:1], x, end_inputs[1:]]), np.concatenate(
+        [end_outputs[:1], y, end_outputs[1:]]
+    )
 
 
 def branch_separation(
@@ -359,8 +361,11 @@ class History:
                 code="unknown-history",
                 key="history",
             )
-        wrong = {"conditioned": not self.turning_points, "demagnetised": bool(self.turning_points)}
-        if wrong.get(self.kind, False):
+        wrong_by_kind = {
+            "conditioned": not self.turning_points,
+            "demagnetised": bool(self.turning_points),
+        }
+        if wrong_by_kind.get(self.kind, False):
             raise InputError(
                 f"history '{self.kind}' with the wrong turning points; {_HISTORY_ADVICE}",
                 code="history-turning-points",
@@ -416,7 +421,7 @@ class History:
         >>> History.parse("settled:0,3,0@0.0003;0,2,0").schedule
         (0.0003, 0.0003, 0.0003, None, None, None)
         """
-        kind, colon, rest = text.strip().partition(":")
+        kind, colon, points_text = text.strip().partition(":")
         kind = kind.strip().lower().replace("demagnetized", "demagnetised")
         if kind not in {"demagnetised", "settled", "conditioned"}:
             raise InputError(
@@ -427,7 +432,7 @@ class History:
         points: list[float] = []
         schedule: list[float | None] = []
         try:
-            for stretch in rest.split(";") if colon else ():
+            for stretch in points_text.split(";") if colon else ():
                 turns, at_sign, value = stretch.partition("@")
                 points += [float(point) for point in turns.split(",")]
                 schedule_value = float(value) if at_sign else None

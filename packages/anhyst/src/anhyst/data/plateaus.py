@@ -65,13 +65,15 @@ def find_plateaus(values: FloatArray, drive: FloatArray, quantity: Quantity) -> 
         _Plateau(rows, float(values[rows.start]), 0.0) for rows in runs if has_loop(drive, rows)
     ]
     plateaus = exact_plateaus if len(exact_plateaus) > 1 else _search_plateaus(values)
-    if not plateaus or not all(has_loop(drive, rest.rows) for rest in plateaus):
+    if not plateaus or not all(has_loop(drive, plateau.rows) for plateau in plateaus):
         return None
     levels = _plateau_values(plateaus)
     if len(set(levels)) == 1 and quantity != QUANTITIES["gap"]:
         return None  # one temperature with noise contains no information
     plateau_of_row = _assign_rows(values, plateaus)
-    if all(rest.sigma == 0.0 for rest in plateaus) and not _are_only_ramps(values, plateau_of_row):
+    if all(plateau.sigma == 0.0 for plateau in plateaus) and not _are_only_ramps(
+        values, plateau_of_row
+    ):
         return None
     rows = np.flatnonzero(plateau_of_row >= 0)
     if rows.size < (1.0 - _MAX_LOST_SHARE) * values.size:
@@ -95,9 +97,13 @@ def _are_only_ramps(values: FloatArray, plateau_of_row: NDArray[np.intp]) -> boo
     for rows in find_runs(plateau_of_row < 0):
         if rows.start == 0 or rows.stop == values.size:
             return False
-        low, high = sorted((values[rows.start - 1], values[rows.stop]))
-        between = values[rows]
-        if low == high or between.min() < low or between.max() > high:
+        lower_value, upper_value = sorted((values[rows.start - 1], values[rows.stop]))
+        values_between = values[rows]
+        if (
+            lower_value == upper_value
+            or values_between.min() < lower_value
+            or values_between.max() > upper_value
+        ):
             return False
     return True
 
@@ -121,8 +127,8 @@ def _search_plateaus(values: FloatArray) -> list[_Plateau]:
     for rows in find_runs(is_still):
         if rows.stop - rows.start < 2 * width:
             continue
-        inner = values[rows]
-        mean, sigma = float(np.mean(inner)), float(np.std(inner))
+        plateau_values = values[rows]
+        mean, sigma = float(np.mean(plateau_values)), float(np.std(plateau_values))
         swing = float(np.ptp(smooth[rows]))
         if swing > 2.0 * max_change:
             return []
@@ -132,50 +138,52 @@ def _search_plateaus(values: FloatArray) -> list[_Plateau]:
 
 def has_loop(drive: FloatArray, rows: slice | NDArray[np.intp]) -> bool:
     """Whether rows contain a loop: the input covers much of its range and reverses."""
-    inner, span = drive[rows], float(np.ptp(drive))
-    is_wide = float(np.ptp(inner)) >= _MIN_INPUT_SHARE * span
-    return is_wide and reversal_count(inner, _MIN_REVERSAL_SHARE * span) > 0
+    inputs, span = drive[rows], float(np.ptp(drive))
+    is_wide = float(np.ptp(inputs)) >= _MIN_INPUT_SHARE * span
+    return is_wide and reversal_count(inputs, _MIN_REVERSAL_SHARE * span) > 0
 
 
 def _plateau_values(plateaus: list[_Plateau]) -> list[float]:
     """Return the value of each plateau, equal if they agree, rounded well below the scatter."""
     levels: list[float] = []
-    for rest in plateaus:
-        decimals = max(0, 1 - math.floor(math.log10(rest.sigma))) if rest.sigma > 0.0 else 12
+    for plateau in plateaus:
+        decimals = max(0, 1 - math.floor(math.log10(plateau.sigma))) if plateau.sigma > 0.0 else 12
         # At contact the gap is 0, even if the sensor has an offset.
-        equal_levels = [level for level in (*levels, 0.0) if abs(level - rest.mean) <= rest.sigma]
-        levels.append(equal_levels[0] if equal_levels else round(rest.mean, decimals))
+        equal_levels = [
+            level for level in (*levels, 0.0) if abs(level - plateau.mean) <= plateau.sigma
+        ]
+        levels.append(equal_levels[0] if equal_levels else round(plateau.mean, decimals))
     return levels
 
 
 def _assign_rows(values: FloatArray, plateaus: list[_Plateau]) -> NDArray[np.intp]:
     """Return the index of the plateau of each row, -1 for rows between two plateaus."""
     plateau_of_row = np.full(values.size, -1, np.intp)
-    edges = [0, *(rest.rows.stop for rest in plateaus[:-1]), values.size]
-    for index, rest in enumerate(plateaus):
+    edges = [0, *(plateau.rows.stop for plateau in plateaus[:-1]), values.size]
+    for index, plateau in enumerate(plateaus):
         # A row between two plateaus may belong to either.
         start = edges[index] if index == 0 else plateaus[index - 1].rows.stop
         stop = values.size if index + 1 == len(plateaus) else plateaus[index + 1].rows.start
         rows = slice(start, stop)
-        distance = np.abs(values[rows] - rest.mean)
-        is_near = distance <= _MAX_DISTANCE_SIGMAS * rest.sigma
-        for other in (index - 1, index + 1):
-            if 0 <= other < len(plateaus):
-                is_near &= distance <= np.abs(values[rows] - plateaus[other].mean)
+        distance = np.abs(values[rows] - plateau.mean)
+        is_near = distance <= _MAX_DISTANCE_SIGMAS * plateau.sigma
+        for neighbour in (index - 1, index + 1):
+            if 0 <= neighbour < len(plateaus):
+                is_near &= distance <= np.abs(values[rows] - plateaus[neighbour].mean)
         plateau_of_row[rows][is_near] = index
-        plateau_of_row[rest.rows] = index
+        plateau_of_row[plateau.rows] = index
     return plateau_of_row
 
 
 def _describe(
     plateaus: list[_Plateau], levels: list[float], lost_count: int, quantity: Quantity
 ) -> str:
-    scatter = max(rest.sigma for rest in plateaus)
+    scatter = max(plateau.sigma for plateau in plateaus)
     texts = (quantity.show(level).removeprefix(quantity.name) for level in levels)
-    shown = list(dict.fromkeys(texts))
+    value_texts = list(dict.fromkeys(texts))
     size = f"{scatter * 1e6:.2g} µm" if quantity.unit == "m" else f"{scatter:.2g} {quantity.unit}"
     name = quantity.name.replace("_", " ")
-    many = f"{len(shown)} plateaus" if len(shown) > 1 else "one plateau"
-    text = f"{name} has {many}:{','.join(shown)}"
+    count_text = f"{len(value_texts)} plateaus" if len(value_texts) > 1 else "one plateau"
+    text = f"{name} has {count_text}:{','.join(value_texts)}"
     text += f" (scatter {size})" if scatter != 0.0 else ""
     return text + (f"; {lost_count} samples between them left out" if lost_count else "")

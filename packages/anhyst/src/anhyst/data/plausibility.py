@@ -152,19 +152,24 @@ def _check_magnitude(loopset: Loops) -> list[str]:
             quantity.name
         ]
         if not min_plausible <= largest <= max_plausible:
-            what = f"{quantity.name.replace('_', ' ')} is {largest:.4g} {quantity.unit}"
+            value_text = f"{quantity.name.replace('_', ' ')} is {largest:.4g} {quantity.unit}"
             unit = unit_if_small if largest < min_plausible else unit_if_large
-            warnings.append(f"the largest {what}, which is implausible; are the numbers in {unit}?")
+            warnings.append(
+                f"the largest {value_text}, which is implausible; are the numbers in {unit}?"
+            )
     return warnings
 
 
 def _check_force_sign(loopset: Loops, loop: Loop, name: str) -> None:
-    low, high = float(loop.output.min()), float(loop.output.max())
-    if -low <= _MAX_SENSOR_OFFSET_SHARE * largest_output(loopset):
+    lowest, highest = float(loop.output.min()), float(loop.output.max())
+    if -lowest <= _MAX_SENSOR_OFFSET_SHARE * largest_output(loopset):
         return
     falls = correlation(loop.input**2, loop.output) < -0.5
-    if falls or high <= 0.0 or -low > 5.0 * high:
-        drive, force_range = loopset.input.name, f"{low:.4g} to {high:.4g} {loopset.output.unit}"
+    if falls or highest <= 0.0 or -lowest > 5.0 * highest:
+        drive, force_range = (
+            loopset.input.name,
+            f"{lowest:.4g} to {highest:.4g} {loopset.output.unit}",
+        )
         if is_negative(loop.input):
             raise InputError(
                 f"{name}: the force is negative ({force_range}), and so is the {drive}; attraction must be "
@@ -185,10 +190,10 @@ def _check_branch_order(loopset: Loops, loop: Loop, name: str) -> None:
     parts = find_branches(loop.input)
     if loop.time is not None or len(parts) != 3 or parts[1].stop - parts[1].start > 2:
         return
-    first, second = parts[0], parts[2]
-    ends = loop.input[[first.stop - 1, second.start]]
+    branch, later_branch = parts[0], parts[2]
+    ends = loop.input[[branch.stop - 1, later_branch.start]]
     # A real step of the drive is fast, and its record has a clock.
-    distance = branch_separation(loop.input, loop.output, first, second)
+    distance = branch_separation(loop.input, loop.output, branch, later_branch)
     min_distance = max(
         _MIN_SIGMAS * estimate_noise(loop.output),
         _MIN_RELATIVE_DIFFERENCE * float(np.ptp(loop.output)),
@@ -196,9 +201,9 @@ def _check_branch_order(loopset: Loops, loop: Loop, name: str) -> None:
     if distance is None or float(np.max(np.abs(distance[1]))) < min_distance:
         return
     # If a loop loses energy, its falling branch is the upper one.
-    branch_to_reverse = second if float(np.mean(distance[1])) > 0.0 else first
+    branch_to_reverse = later_branch if float(np.mean(distance[1])) > 0.0 else branch
     top = float(np.max(np.abs(ends)))
-    is_closed = abs(loop.output[first.start] - loop.output[second.start]) < min_distance
+    is_closed = abs(loop.output[branch.start] - loop.output[later_branch.start]) < min_distance
     history_option = (
         "" if is_closed else f" and use --history conditioned:{top:g},{-top:g},{ends.min():g}"
     )
@@ -254,11 +259,11 @@ def _initial_slope_ratio(loop: Loop) -> float | None:
         return None  # the record does not start near zero
     heights, variances = [], []
     for level in (0.0, 0.1, 0.3):
-        near = np.abs(inputs - inputs.min() - level * span) <= 0.02 * span
-        if np.count_nonzero(near) < 2:
+        is_near = np.abs(inputs - inputs.min() - level * span) <= 0.02 * span
+        if np.count_nonzero(is_near) < 2:
             return None
-        heights.append(float(np.mean(answer[near])))
-        variances.append(estimate_noise(answer) ** 2 / np.count_nonzero(near))
+        heights.append(float(np.mean(answer[is_near])))
+        variances.append(estimate_noise(answer) ** 2 / np.count_nonzero(is_near))
     next_slope = (heights[2] - heights[1]) / 0.2
     uncertainty = _MIN_SIGMAS * float(np.sqrt(variances[0] + variances[1]))
     first_slope = (heights[1] - heights[0] - uncertainty) / 0.1
@@ -272,13 +277,13 @@ def _check_loop_direction(loopset: Loops, loop: Loop, name: str, *, even: bool) 
     inputs, answer = fold_input(loop, even=even)
     height = float(np.ptp(answer))
     total = weight = variance = 0.0
-    for first, second in itertools.pairwise(find_branches(inputs)):
-        width = branch_separation(inputs, answer, first, second)
+    for branch, next_branch in itertools.pairwise(find_branches(inputs)):
+        width = branch_separation(inputs, answer, branch, next_branch)
         if width is not None:
             share = float(np.ptp(width[0]))
             total += share * float(np.mean(width[1]))
             weight += share
-            samples = min(part.size for part in (first, second))
+            samples = min(part.size for part in (branch, next_branch))
             variance += 2.0 * (share * estimate_noise(answer)) ** 2 / samples
     # Noise of the sensor can explain the sign of a narrow loop.
     if total < -max(0.005 * height * weight, _MIN_SIGMAS * float(np.sqrt(variance))):

@@ -91,10 +91,10 @@ def advise_mapping(
             return f"{note}; or state which one is the {choice_text}"
     doubted = [f"'{headers[column].text}'" for column, _ in found
                if has_qualifier(headers[column].name)]  # fmt: skip
-    them = "it" if len(found) == 1 else "them"
+    object_text = "it" if len(found) == 1 else "them"
     if doubted:
-        them = f"{them}, if {' and '.join(doubted)} can replace what was measured"
-    return f"{note}; or map {them}: {_mapping_options(headers, found)}"
+        object_text = f"{object_text}, if {' and '.join(doubted)} can replace what was measured"
+    return f"{note}; or map {object_text}: {_mapping_options(headers, found)}"
 
 
 def _note_formulas(headers: Sequence[Header]) -> str:
@@ -103,8 +103,8 @@ def _note_formulas(headers: Sequence[Header]) -> str:
              if not header.is_known and is_formula(header.name) and header.target is None]  # fmt: skip
     if not texts:
         return ""
-    one = "is a formula" if len(texts) == 1 else "are formulas"
-    return f"; {' and '.join(texts)} {one}: export the quantity itself"
+    verb_text = "is a formula" if len(texts) == 1 else "are formulas"
+    return f"; {' and '.join(texts)} {verb_text}: export the quantity itself"
 
 
 def _is_doubted(header: Header) -> bool:
@@ -128,23 +128,27 @@ def current_mapping(headers: Sequence[Header]) -> dict[str, str]:
 
 def _find_rivals(
     headers: Sequence[Header],
-    best: int,
+    chosen_column: int,
     name: str,
     found: Sequence[tuple[int, str]],
     skip: Collection[int],
 ) -> list[int]:
     """Return other columns with a matching unit that are at least as likely for a quantity."""
     chosen_columns = {column for column, _ in found}
-    chosen, score = headers[best], _likeness_score(headers[best], name)
-    others = [column for column in _unmapped_columns(headers, skip) if column not in chosen_columns]
+    chosen, score = headers[chosen_column], _likeness_score(headers[chosen_column], name)
+    other_columns = [
+        column for column in _unmapped_columns(headers, skip) if column not in chosen_columns
+    ]
     if _has_matching_unit(chosen, name):
         score -= 0 if _is_doubted(chosen) else _NAME_SCORE
-        others = [column for column in others if _has_matching_unit(headers[column], name)]
+        other_columns = [
+            column for column in other_columns if _has_matching_unit(headers[column], name)
+        ]
     elif chosen.unit is not None or chosen.stated:
         return []
     return [
         column
-        for column in others
+        for column in other_columns
         if _can_hold(headers[column], name) and _likeness_score(headers[column], name) >= score
     ]
 
@@ -191,22 +195,24 @@ def find_likely_columns(
     min_score: int = -8,
 ) -> list[tuple[int, str]]:
     """Return the likeliest column for each missing quantity, as pairs of index and quantity."""
-    free = _unmapped_columns(headers, skip)
+    free_columns = _unmapped_columns(headers, skip)
     candidates = []
     for quantities in missing:
         is_driven_by_volts = set(quantities) >= set(DRIVE_QUANTITIES) and _is_piezo(headers)
         names = ("voltage",) if is_driven_by_volts else quantities
         pool = [
             (_likeness_score(headers[index], name), index, name)
-            for index in free
+            for index in free_columns
             for name in names
             if _can_hold(headers[index], name)
         ]
         # Of equal scores, max returns the first.
-        score, best, name = max(pool, key=lambda scored: scored[0], default=(min_score - 1, 0, ""))
+        score, best_column, name = max(
+            pool, key=lambda scored: scored[0], default=(min_score - 1, 0, "")
+        )
         if score >= min_score:
-            free.remove(best)
-            candidates.append((best, name))
+            free_columns.remove(best_column)
+            candidates.append((best_column, name))
     return candidates
 
 
@@ -224,11 +230,15 @@ def _unmapped_columns(headers: Sequence[Header], skip: Collection[int]) -> list[
 
 def _is_piezo(headers: Sequence[Header]) -> bool:
     """Whether a voltage can be the input, because all other columns are lengths or strains."""
-    rest = [header for header in headers if header.quantity != QUANTITIES["gap"]]
-    dimensions = {header.unit.dimension for header in rest if header.unit is not None}
-    named = {name for header in rest for name in named_quantities(header.name)}
+    other_headers = [header for header in headers if header.quantity != QUANTITIES["gap"]]
+    dimensions = {header.unit.dimension for header in other_headers if header.unit is not None}
+    named_in_headers = {name for header in other_headers for name in named_quantities(header.name)}
     is_moved = not dimensions.isdisjoint({"length", "number"})
-    return "voltage" in dimensions and is_moved and _ELECTROMAGNETIC.isdisjoint(dimensions | named)
+    return (
+        "voltage" in dimensions
+        and is_moved
+        and _ELECTROMAGNETIC.isdisjoint(dimensions | named_in_headers)
+    )
 
 
 def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
@@ -252,8 +262,14 @@ def advise_unit_mapping(header: Header, headers: Sequence[Header] = ()) -> str:
         return ""
     if has_missing_unit(header):
         # All columns without a unit are asked for together, in one round instead of four.
-        alike = {other.quantity: other for other in [*columns_without_unit(headers), header]}
-        names = {other.text: QUANTITIES[kind.name] for kind, other in alike.items() if kind}
+        headers_without_unit = {
+            other.quantity: other for other in [*columns_without_unit(headers), header]
+        }
+        names = {
+            other.text: QUANTITIES[kind.name]
+            for kind, other in headers_without_unit.items()
+            if kind
+        }
         if len(names) > 1:
             columns = {
                 text: _target_column(header, quantity.name) for text, quantity in names.items()
@@ -282,8 +298,10 @@ def mapping_option(header: Header, name: str, headers: Sequence[Header]) -> str:
 def selection_option(header: Header, headers: Sequence[Header]) -> str:
     """Return the option that makes a column the only one of its quantity."""
     mapped = current_mapping(headers)
-    alike = [other for other in headers if other.quantity == header.quantity]
-    certain = {other.text: "" for other in alike if other.is_certain and other is not header}
+    same_quantity = [other for other in headers if other.quantity == header.quantity]
+    certain = {
+        other.text: "" for other in same_quantity if other.is_certain and other is not header
+    }
     return format_option("columns", mapped | certain | {header.text: header.name})
 
 
@@ -296,8 +314,8 @@ def needs_scale(header: Header, dimension: str) -> bool:
 
 def scale_placeholder(header: Header, unit: str) -> str:
     """Return a placeholder for an unknown scale, such as ``N_PER_V``."""
-    own = header.unit.symbol if header.unit else header.stated
-    words = (re.sub(r"\W+", "_", text).strip("_") for text in (unit, own))
+    file_unit = header.unit.symbol if header.unit else header.stated
+    words = (re.sub(r"\W+", "_", text).strip("_") for text in (unit, file_unit))
     return "_PER_".join(word or "UNIT" for word in words)
 
 
@@ -326,9 +344,11 @@ def _can_hold(header: Header, name: str) -> bool:
             "voltage",
         }
     is_named = name in _suggested_quantities(header)
-    first = find_unit(re.split(r"\W", header.stated)[0])  # ampere-turns are amperes with a scale
+    first_unit = find_unit(
+        re.split(r"\W", header.stated)[0]
+    )  # ampere-turns are amperes with a scale
     is_named = is_named or (
-        first is not None and first.dimension == QUANTITY_DIMENSIONS.get(name, name)
+        first_unit is not None and first_unit.dimension == QUANTITY_DIMENSIONS.get(name, name)
     )
     if has_qualifier(header.name) and not is_named:
         return False
@@ -338,11 +358,11 @@ def _can_hold(header: Header, name: str) -> bool:
 
 def _suggested_quantities(header: Header) -> set[str]:
     """Return the quantities that the name of a column suggests."""
-    plain = header.name.lower()
+    lower_name = header.name.lower()
     quantities = named_quantities(header.name) | {
         key
         for key, words in _NAME_HINTS.items()
-        if any(plain == word if len(word) == 1 else word in plain for word in words)
+        if any(lower_name == word if len(word) == 1 else word in lower_name for word in words)
     }
     return quantities if is_drive(header.name) else quantities - {"voltage"}
 

@@ -191,8 +191,12 @@ def _find_name_gaps(described: Mapping[Path, FileDescription]) -> dict[Path, flo
     gaps = find_gaps_in_names(list(described))
     for path in gaps:
         reading = described[path]
-        known = {header.quantity for header in map(parse_header, reading.constants)}
-        if reading.schedule not in (None, "gap") or reading.file_name or QUANTITIES["gap"] in known:
+        constant_quantities = {header.quantity for header in map(parse_header, reading.constants)}
+        if (
+            reading.schedule not in (None, "gap")
+            or reading.file_name
+            or QUANTITIES["gap"] in constant_quantities
+        ):
             return {}
         headers = map_headers(open_table(path), reading.columns, reading.scale, reading.flip)
         names = {header.quantity.name for header in headers if header.quantity is not None}
@@ -249,8 +253,8 @@ def _read_table(
     candidates = {index: used.texts(index) for index in label_candidates}
     label = find_label(source_name, headers, candidates, drive, answer, schedule)
     if label is not None:
-        unused = tuple(index for index in roles.unused if index != label)
-        roles = replace(roles, label=label, unused=unused, is_label_inferred=True)
+        unused_columns = tuple(index for index in roles.unused if index != label)
+        roles = replace(roles, label=label, unused=unused_columns, is_label_inferred=True)
     can_use_gap = _can_use_stated_gap(headers, roles, description)
     blocks = None
     if roles.label is None and roles.constant_label is None and roles.schedule is None:

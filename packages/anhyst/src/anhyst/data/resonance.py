@@ -85,10 +85,10 @@ def _is_sine(drive: FloatArray) -> bool:
     window = np.hanning(drive.size)
     power = np.abs(np.fft.rfft(window * (drive - np.average(drive, weights=window)))) ** 2
     line = int(np.argmax(power))
-    near = slice(
+    line_range = slice(
         max(int((1.0 - _LINE_WIDTH_SHARE) * line) - 2, 0), int((1.0 + _LINE_WIDTH_SHARE) * line) + 4
     )
-    return float(np.sum(power[near])) > MIN_SINE_POWER_SHARE * float(np.sum(power))
+    return float(np.sum(power[line_range])) > MIN_SINE_POWER_SHARE * float(np.sum(power))
 
 
 def _propose_frequency(record: EvenRecord) -> float | None:

@@ -66,19 +66,21 @@ class Roles:
         remarks = []
         used = (self.input, self.output, self.time, self.schedule)
         used_headers = [headers[index] for index in used if index is not None]
-        by_word = [
+        word_texts = [
             f"'{one.text}' as {one.quantity.name}"
             for one in used_headers
             if one.is_from_words and one.quantity
         ]
-        if by_word:
-            remarks.append(f"recognised by word and unit: {', '.join(by_word).replace('_', ' ')}")
+        if word_texts:
+            remarks.append(
+                f"recognised by word and unit: {', '.join(word_texts).replace('_', ' ')}"
+            )
         remarks += [text for header in used_headers for text in _describe_conversion(header)]
         if self.is_label_inferred and self.label is not None:
             remarks.append(f"column '{headers[self.label].text}' distinguishes the loops")
         if self.unused:
-            idle = ", ".join(headers[index].text for index in self.unused)
-            remarks.append(f"columns not used: {idle}")
+            unused_names = ", ".join(headers[index].text for index in self.unused)
+            remarks.append(f"columns not used: {unused_names}")
         return remarks
 
 
@@ -183,7 +185,7 @@ def _find_input_and_output(
         return drive, answer
     has_field = drive is not None and headers[drive].name == "H"
     outputs = ("flux_density", *OUTPUT_MAPS) if has_field else tuple(OUTPUT_MAPS)
-    missing = [
+    missing_quantities = [
         names
         for index, names in zip(pair, (DRIVE_QUANTITIES, outputs), strict=True)
         if index is None
@@ -200,7 +202,7 @@ def _find_input_and_output(
         )
     raise InputError(
         f"{source}: has no column for {missing_role} ({_list_columns(headers)}); name it {examples}"
-        f"{advise_mapping(headers, *missing, skip=skip())}",
+        f"{advise_mapping(headers, *missing_quantities, skip=skip())}",
         code="column-missing",
     )
 
@@ -252,9 +254,9 @@ def _find_only(source: str, headers: Sequence[Header], name: str) -> int | None:
     usable = [index for index in indices if headers[index].problem is None]
     # Order of precedence: the user's mapping, the quantity's name, our symbols, words.
     mapped = [index for index in usable if headers[index].target is not None]
-    named = [index for index in usable if headers[index].text.lower() == name]
+    by_full_name = [index for index in usable if headers[index].text.lower() == name]
     symbols = [index for index in usable if headers[index].is_certain]
-    usable = mapped or named or symbols or usable
+    usable = mapped or by_full_name or symbols or usable
     if len(usable) > 1:
         texts = " and ".join(f"'{headers[index].text}'" for index in usable)
         choices = " or ".join(selection_option(headers[index], headers) for index in usable)
@@ -265,12 +267,9 @@ def _find_only(source: str, headers: Sequence[Header], name: str) -> int | None:
         )
     if indices and not usable:
         header = headers[indices[0]]
-        others = [
-            f"'{other.text}'" for other in columns_without_unit(headers) if other is not header
-        ]
-        others_text = (
-            f"; {', '.join(others)} have none either" if others and has_missing_unit(header) else ""
-        )
+        unit_faults = columns_without_unit(headers) if has_missing_unit(header) else []
+        texts = ", ".join(f"'{other.text}'" for other in unit_faults if other is not header)
+        others_text = f"; {texts} have none either" if texts else ""
         raise InputError(
             f"{source}: column '{header.text}': {header.problem}{others_text}{advise_unit_mapping(header, headers)}",
             code="bad-header",
@@ -382,13 +381,13 @@ _MAX_RANGE_DIFFERENCE = 0.03
 """Maximum relative difference of the ranges of repeated cycles of one record."""
 
 
-def can_be_label(header: Header, first: Sequence[str]) -> bool:
+def can_be_label(header: Header, first_fields: Sequence[str]) -> bool:
     """Whether a column can label loops, by its header and its first `MIN_LOOP_SAMPLES` fields."""
     return (
         bool(header.name)
-        and len(first) == MIN_LOOP_SAMPLES
-        and len(set(first)) == 1
-        and first[0] != ""
+        and len(first_fields) == MIN_LOOP_SAMPLES
+        and len(set(first_fields)) == 1
+        and first_fields[0] != ""
     )
 
 
@@ -419,16 +418,16 @@ def find_label(
             ask_for_gap(source, header, headers, "temperature", otherwise)
     if not rows_of_label:
         return None
-    first = next(iter(rows_of_label))
+    first_column = next(iter(rows_of_label))
     for index, loops in rows_of_label.items():
-        if [rows[0] for rows in loops] != [rows[0] for rows in rows_of_label[first]]:
-            names = [headers[position].text for position in (first, index)]
+        if [rows[0] for rows in loops] != [rows[0] for rows in rows_of_label[first_column]]:
+            names = [headers[position].text for position in (first_column, index)]
             raise InputError(
                 f"{source}: columns '{names[0]}' and '{names[1]}' both can distinguish the loops; state "
                 f'which one does: --loop "{names[0]}" or --loop "{names[1]}"',
                 code="label-ambiguous",
             )
-    return first
+    return first_column
 
 
 def _label_runs(column: Texts, schedule: FloatArray | None) -> list[Rows] | None:
@@ -477,8 +476,10 @@ def can_be_gap(header: Header) -> bool:
     if header.unit is not None and header.unit.symbol != "-":
         return header.unit.dimension == "length"
     words = set(split_words(header.name))
-    named = named_quantities(header.name)
-    is_named = words <= _GAP_NAMES or words & _GAP_WORDS or named & {"gap", "displacement"}
+    named_in_header = named_quantities(header.name)
+    is_named = (
+        words <= _GAP_NAMES or words & _GAP_WORDS or named_in_header & {"gap", "displacement"}
+    )
     return bool(words) and not header.stated and bool(is_named)
 
 

@@ -47,16 +47,16 @@ class FileDescription:
         history: HistoryLike | None = None,
         select: Mapping[str, object] | None = None,
         flip: Sequence[str] | str | None = None,
-        **others: Any,
+        **other_keywords: Any,
     ) -> FileDescription:
         """Return the description from keywords of `read_loops`; ``others`` are named as the fields."""
         for name in ("columns", "constants", "scale"):
-            others[name] = dict(others.get(name) or {})
+            other_keywords[name] = dict(other_keywords.get(name) or {})
         return cls(
             history=None if history is None else History.of(history),
             select={name: _as_choices(name, value) for name, value in (select or {}).items()},
             flip=(flip,) if isinstance(flip, str) else tuple(flip or ()),
-            **others,
+            **other_keywords,
         )
 
     @classmethod
@@ -103,19 +103,19 @@ class FileDescription:
             description = cls.from_arguments(**arguments)
             if isinstance(history, dict):
                 _check_members("history", keys, str)
-                by_label = {label: History.parse(text) for label, text in history.items()}
-                return replace(description, histories=by_label)
+                history_by_label = {label: History.parse(text) for label, text in history.items()}
+                return replace(description, histories=history_by_label)
             return replace(description, history=History.parse(history) if history else None)
         except InputError as error:
             raise error.with_location(path) from None
 
-    def with_defaults(self, other: FileDescription) -> FileDescription:
+    def with_defaults(self, defaults: FileDescription) -> FileDescription:
         """Combine with another description; entries of this one take precedence."""
         if self.history is not None:
-            other = replace(other, histories={})
+            defaults = replace(defaults, histories={})
         merged: dict[str, Any] = {}
         for item in fields(self):
-            mine, theirs = getattr(self, item.name), getattr(other, item.name)
+            mine, theirs = getattr(self, item.name), getattr(defaults, item.name)
             merged[item.name] = {**theirs, **mine} if isinstance(mine, dict) else mine or theirs
         return FileDescription(**merged)
 

@@ -59,8 +59,10 @@ def group_by_speed(loops: Loops) -> SpeedGroups | None:
             groups[-1].append(loop)
         else:
             groups.append([loop])
-    slow = (loop for loop, is_fast in zip(loops.loops, fast_flags, strict=True) if not is_fast)
-    return SpeedGroups(loops.with_loops(slow), tuple(map(tuple, groups)))
+    slow_loops = (
+        loop for loop, is_fast in zip(loops.loops, fast_flags, strict=True) if not is_fast
+    )
+    return SpeedGroups(loops.with_loops(slow_loops), tuple(map(tuple, groups)))
 
 
 def find_slower_loops(loops: Sequence[Loop]) -> list[list[int]]:
@@ -71,8 +73,8 @@ def find_slower_loops(loops: Sequence[Loop]) -> list[list[int]]:
     return [
         [
             place
-            for place, (other, past) in enumerate(zip(loops, paces, strict=True))
-            if other.schedule_value == loop.schedule_value
+            for place, (other_loop, past) in enumerate(zip(loops, paces, strict=True))
+            if other_loop.schedule_value == loop.schedule_value
             and min(pace[0] / past[0], pace[1] / past[1]) >= MIN_SPEED_RATIO
         ]
         for loop, pace in zip(loops, paces, strict=True)
@@ -106,11 +108,11 @@ def _spread_times(time: FloatArray | None) -> FloatArray | None:
     """Return times that increase evenly from the first sample of each stamp to the next stamp."""
     if time is None:
         return None
-    first = np.flatnonzero(np.diff(time, prepend=-np.inf))
-    step = (time[first[-1]] - time[first[-2]]) / (first[-1] - first[-2])
-    after = time[-1] + step * (time.size - first[-1])
-    edges = np.append(first, time.size)
-    spread: FloatArray = np.interp(np.arange(time.size), edges, np.append(time[first], after))
+    stamp_rows = np.flatnonzero(np.diff(time, prepend=-np.inf))
+    step = (time[stamp_rows[-1]] - time[stamp_rows[-2]]) / (stamp_rows[-1] - stamp_rows[-2])
+    after = time[-1] + step * (time.size - stamp_rows[-1])
+    edges = np.append(stamp_rows, time.size)
+    spread: FloatArray = np.interp(np.arange(time.size), edges, np.append(time[stamp_rows], after))
     return spread
 
 

@@ -106,7 +106,7 @@ def open_table(path: PathLike, min_columns: int = 2) -> OpenTable:
     path = Path(path)
     if why := FORMATS.explain_unusable(path.suffix.lower()):
         raise InputError(f"{path}: {why}", code="not-installed")
-    by_name = FORMATS.get(path.suffix.lower(), open_text)
+    opener_of_name = FORMATS.get(path.suffix.lower(), open_text)
     head = b""
     if path.is_file():
         with contextlib.suppress(OSError), path.open("rb") as file:
@@ -114,12 +114,12 @@ def open_table(path: PathLike, min_columns: int = 2) -> OpenTable:
     for signature, opener in SIGNATURES:
         if head.startswith(signature):
             # Version 7.3 of a MAT file is HDF5, and not every program writes MATLAB's first bytes.
-            is_mat = opener is open_hdf5 and by_name is open_mat and _is_matlab_file(path)
+            is_mat = opener is open_hdf5 and opener_of_name is open_mat and _is_matlab_file(path)
             return (open_mat if is_mat else opener)(path, min_columns)
     if head.startswith(b"PK") and is_workbook(path):
         return open_excel(path, min_columns)
-    is_misnamed = by_name in _BINARY_OPENERS and bool(head) and is_text(head)
-    table = (open_text if is_misnamed else by_name)(path, min_columns)
+    is_misnamed = opener_of_name in _BINARY_OPENERS and bool(head) and is_text(head)
+    table = (open_text if is_misnamed else opener_of_name)(path, min_columns)
     if isinstance(table, MemoryTable) and not table.sha256:  # format of another package
         return replace(table, sha256=file_sha256(path))
     return table

@@ -64,10 +64,12 @@ def find_shared_clock(
     """Return the finest clock of some channels, over the time that all of them cover, and notes."""
     clocks = list(dict.fromkeys(channel.clock for channel in channels if channel.clock is not None))
     unclocked = [channel for channel in channels if channel.clock is None and channel.length != 1]
-    by_length = {channel.length: channel for channel in (*unclocked, *clocks[:1])}
-    if len(by_length) > 1 or (unclocked and len(clocks) > 1):
+    channel_by_length = {channel.length: channel for channel in (*unclocked, *clocks[:1])}
+    if len(channel_by_length) > 1 or (unclocked and len(clocks) > 1):
         first_channel, second_channel = (
-            list(by_length.values())[:2] if len(by_length) > 1 else (unclocked[0], clocks[1])
+            list(channel_by_length.values())[:2]
+            if len(channel_by_length) > 1
+            else (unclocked[0], clocks[1])
         )
         raise InputError(
             f"{source}: channels '{first_channel.full_name}' ({first_channel.length} samples) and "
@@ -77,7 +79,7 @@ def find_shared_clock(
             key=first_channel.full_name,
         )
     if not clocks:
-        return Clock(None, max(by_length, default=1), None), ()
+        return Clock(None, max(channel_by_length, default=1), None), ()
     times = [seconds(clock) for clock in clocks]
     if all(np.array_equal(times[0], other) for other in times[1:]):
         return Clock(clocks[0], clocks[0].length, times[0]), ()
@@ -274,11 +276,11 @@ class ChannelTable:
         """Header and unit of the time column, empty if the file has no clock."""
         if not self.clocks:
             return ()
-        first = self.clocks[0]
-        header = parse_header(first.name, first.unit)
+        first_clock = self.clocks[0]
+        header = parse_header(first_clock.name, first_clock.unit)
         if len(self.clocks) > 1 or not header.is_clock or header.problem:
             return ("t", "s")
-        return (first.name, first.unit)
+        return (first_clock.name, first_clock.unit)
 
     @cached_property
     def _column_names(self) -> list[str]:
@@ -451,9 +453,9 @@ def limit_resources(seconds: float, size: int) -> None:
         import resource
 
         memory = _MIN_ADDRESS_SPACE + 2 * size
-        for what, limit in (
+        for resource_kind, limit in (
             (resource.RLIMIT_CORE, 0),
             (resource.RLIMIT_CPU, int(time.process_time() + seconds) + 1),
             (resource.RLIMIT_AS, memory),
         ):
-            resource.setrlimit(what, (limit, resource.getrlimit(what)[1]))
+            resource.setrlimit(resource_kind, (limit, resource.getrlimit(resource_kind)[1]))

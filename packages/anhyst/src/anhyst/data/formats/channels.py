@@ -133,11 +133,11 @@ def read_groups(file: ChannelFile) -> list[ChannelGroup]:
 def number_repeats(names: Sequence[str]) -> list[str]:
     """Return names with a number added to repeated ones: ``x``, ``x#2``, ..."""
     counts = Counter[str]()
-    unique_names = []
+    numbered = []
     for name in names:
         counts[name] += 1
-        unique_names.append(name if counts[name] == 1 else f"{name}#{counts[name]}")
-    return unique_names
+        numbered.append(name if counts[name] == 1 else f"{name}#{counts[name]}")
+    return numbered
 
 
 def _unused_name(group: str, name: str, used: Container[tuple[str, str]]) -> str:
@@ -158,7 +158,7 @@ def assign_clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
         is_time = header.is_clock and header.problem is None
         if channel.clock is None and not channel.is_text and is_time:
             times.setdefault((channel.group, channel.length), []).append(channel)
-    clocks = {index: unique[0] for index, unique in times.items() if len(unique) == 1}
+    clocks = {index: candidates[0] for index, candidates in times.items() if len(candidates) == 1}
     clocked = []
     for channel in channels:
         clock = clocks.get((channel.group, channel.length))
@@ -197,8 +197,12 @@ def to_plain_values(values: Values) -> Values:
     values = np.asarray(values)
     if values.dtype.kind == "M":
         values = values.astype("datetime64[ns]")
-        first = values[:1]
-        return np.asarray((values - first) / np.timedelta64(1, "s")) if first.size else values
+        first_date = values[:1]
+        return (
+            np.asarray((values - first_date) / np.timedelta64(1, "s"))
+            if first_date.size
+            else values
+        )
     if values.dtype.kind == "m":
         return np.asarray(values / np.timedelta64(1, "s"))
     if values.dtype.kind == "S":

@@ -39,9 +39,12 @@ def _detect_utf16(head: bytes) -> str | None:
     sample = head[:4096]
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
-    even, odd = sample[::2].count(0), sample[1::2].count(0)
-    if even + odd > len(sample) // 4 and min(even, odd) <= len(sample) // 100:
-        return "utf-16-be" if even > odd else "utf-16-le"
+    even_zeros, odd_zeros = sample[::2].count(0), sample[1::2].count(0)
+    if (
+        even_zeros + odd_zeros > len(sample) // 4
+        and min(even_zeros, odd_zeros) <= len(sample) // 100
+    ):
+        return "utf-16-be" if even_zeros > odd_zeros else "utf-16-le"
     return None
 
 
@@ -58,7 +61,7 @@ def refuse_binary(path: Path, head: bytes) -> None:
     """Raise an error with the kind of the file if it is not text."""
     if is_text(head):
         return
-    _, fault, remedy = next(known for known in _UNREADABLE_FORMATS if re.match(known[0], head))
+    _, fault, remedy = next(entry for entry in _UNREADABLE_FORMATS if re.match(entry[0], head))
     raise InputError(f"{path}: {fault}; {remedy}", code="not-a-text")
 
 

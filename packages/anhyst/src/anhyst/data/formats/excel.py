@@ -100,10 +100,12 @@ class _SizeGuard:
                 self.text_references += len(_SHARED_TEXT.findall(tail[-8:] + block))
                 tail = block[-_OVERLAP_BYTES:]
             elif is_texts:
-                first, *others = block.split(b"</si>")
-                open_text_length += len(first)
-                self.longest_text = max(self.longest_text, open_text_length, *map(len, others), 0)
-                open_text_length = len(others[-1]) if others else open_text_length
+                text_end, *next_texts = block.split(b"</si>")
+                open_text_length += len(text_end)
+                self.longest_text = max(
+                    self.longest_text, open_text_length, *map(len, next_texts), 0
+                )
+                open_text_length = len(next_texts[-1]) if next_texts else open_text_length
         if cell_range.cell_count > _MAX_CELLS:
             raise InputError(
                 f"{self.path}: {name} states that it has {cell_range.cell_count} cells; delete cells "
@@ -180,10 +182,10 @@ def open_excel(path: Path) -> ChannelFile:
         else []
     )
     channels = _merge_columns(path, same_header_sheets)
-    breaks, first = [], 0
+    breaks, first_row = [], 0
     for sheet in same_header_sheets:
-        breaks += [(first + row, texts) for row, texts in sheet.breaks]
-        first += len(sheet.cells)
+        breaks += [(first_row + row, texts) for row, texts in sheet.breaks]
+        first_row += len(sheet.cells)
     return ChannelFile(
         path, assign_clocks_by_name(channels), read_samples_in_keys, tuple(notes), tuple(breaks)
     )
@@ -291,7 +293,7 @@ def _merge_columns(path: Path, sheets: Sequence[_Sheet]) -> list[Channel]:
     return channels
 
 
-def _convert_cells(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
+def _convert_cells(place: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     """Return the values of a column, and whether they are dates or times of day."""
     if all(_is_value(cell) or cell == "" or is_invalid_mark(str(cell)) for cell in cells):
         cells = [
@@ -317,7 +319,7 @@ def _convert_cells(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     row = next(row_of for row_of, cell in enumerate(cells) if type(cell) is not type(cells[0]))
     fault = f"'{str(cells[row])[:30]}' is not a number" if cells[row] != "" else "is empty"
     raise InputError(
-        f"{where}, row {row + 1} below the header: {fault}; correct or remove it", code="bad-cell"
+        f"{place}, row {row + 1} below the header: {fault}; correct or remove it", code="bad-cell"
     )
 
 

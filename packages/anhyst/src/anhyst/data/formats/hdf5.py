@@ -74,11 +74,11 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
     """Yield each dataset of a file once, even if several links refer to it."""
     import h5py
 
-    seen: set[Any] = set()
+    visited: set[Any] = set()
     waiting = [(group, 0)]
     while waiting:
         folder, depth = waiting.pop(0)
-        if depth > MAX_GROUP_DEPTH or len(seen) > MAX_CHANNELS:
+        if depth > MAX_GROUP_DEPTH or len(visited) > MAX_CHANNELS:
             raise InputError(
                 f"{path}: contains more than {MAX_CHANNELS} objects, or groups more than {MAX_GROUP_DEPTH} "
                 "deep; export the channels you need",
@@ -89,9 +89,9 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
                 continue
             member = folder[name]
             info = h5py.h5o.get_info(member.id)
-            if info.addr in seen:
+            if info.addr in visited:
                 continue
-            seen.add(info.addr)
+            visited.add(info.addr)
             if isinstance(member, h5py.Group):
                 waiting.append((member, depth + 1))
             elif isinstance(member, h5py.Dataset):
@@ -99,17 +99,17 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
                 yield member
 
 
-def is_link(path: Path, group: Any, name: str, shown: str) -> bool:
+def is_link(path: Path, group: Any, name: str, shown_name: str) -> bool:
     """Whether a member of a group is a link; its target is found in its own place."""
     import h5py
 
     link = group.get(name, getlink=True)
     if isinstance(link, h5py.ExternalLink):
         raise InputError(
-            f"{path}: '{shown}' is a link to the file '{link.filename}', which is not followed; copy "
+            f"{path}: '{shown_name}' is a link to the file '{link.filename}', which is not followed; copy "
             "its data into this file",
             code="external-link",
-            key=shown,
+            key=shown_name,
         )
     return isinstance(link, h5py.SoftLink)
 

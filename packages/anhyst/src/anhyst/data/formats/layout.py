@@ -122,8 +122,8 @@ def _find_layout(
     eol = b"\n" if b"\n" in head or b"\r" not in head else b"\r"
     is_complete = size <= len(head)
     lines = _split_head(head[bom_length:], eol, encoding, is_complete=is_complete)
-    notes, first = skip_comments(lines, 0)
-    if first == len(lines):
+    notes, first_line = skip_comments(lines, 0)
+    if first_line == len(lines):
         if not is_complete:
             raise HeadTooShortError
         raise InputError(
@@ -131,9 +131,9 @@ def _find_layout(
             code="no-table",
         )
     if table is None:
-        table = recognise_logger(path, lines, first)
+        table = recognise_logger(path, lines, first_line)
     if table is None:
-        table, remarks = find_header(path, lines, first, min_columns, is_last=is_last)
+        table, remarks = find_header(path, lines, first_line, min_columns, is_last=is_last)
         notes += remarks
     _, data_line = skip_comments(lines, table.first_line)
     if data_line >= len(lines):

@@ -63,12 +63,12 @@ class MatGuard:
         """Check a whole file."""
         self._byte_order = "<" if content[126:128] == b"IM" else ">"
         expanded = 0
-        rest = memoryview(content)[_HEADER_BYTES:]
-        while len(rest) >= 8:
-            kind, size = struct.unpack_from(f"{self._byte_order}2I", rest)
-            if size > len(rest) - 8:
+        remaining = memoryview(content)[_HEADER_BYTES:]
+        while len(remaining) >= 8:
+            kind, size = struct.unpack_from(f"{self._byte_order}2I", remaining)
+            if size > len(remaining) - 8:
                 raise self._damage_error(f"is cut off after {len(content)} bytes")
-            body, rest = rest[8 : 8 + size], rest[8 + size :]
+            body, remaining = remaining[8 : 8 + size], remaining[8 + size :]
             if kind == _TYPE_COMPRESSED:
                 part = memoryview(self._expand(body, MAX_BYTES - expanded))
                 expanded += len(part)
@@ -217,9 +217,9 @@ def _read_v5(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:
     guard = MatGuard(path)
     guard.check(content)
     variables = loadmat(io.BytesIO(content), simplify_cells=True, mat_dtype=True)
-    hidden = {"None", "__function_workspace__", "__header__", "__version__", "__globals__"}
+    hidden_names = {"None", "__function_workspace__", "__header__", "__version__", "__globals__"}
     return {
-        name: _to_tree(value) for name, value in variables.items() if name not in hidden
+        name: _to_tree(value) for name, value in variables.items() if name not in hidden_names
     }, guard.objects
 
 

@@ -76,12 +76,12 @@ def read_arrays(_path: Path, channels: Sequence[Channel], count: int | None) -> 
     arrays = []
     for channel in channels:
         column: _Column = channel.key
-        whole = read.get(id(column.array))
-        if whole is None:
-            whole = read[id(column.array)] = np.squeeze(column.array.read())
-        if whole.ndim > 1:
-            whole = np.moveaxis(whole, column.axis, 0).reshape(channel.length, -1)[:, column.index]
-        arrays.append(np.ascontiguousarray(whole.reshape(channel.length)[:count]))
+        array = read.get(id(column.array))
+        if array is None:
+            array = read[id(column.array)] = np.squeeze(column.array.read())
+        if array.ndim > 1:
+            array = np.moveaxis(array, column.axis, 0).reshape(channel.length, -1)[:, column.index]
+        arrays.append(np.ascontiguousarray(array.reshape(channel.length)[:count]))
     return arrays
 
 
@@ -110,9 +110,13 @@ def _structure_channels(name: str, node: MatTree, group: str, path: str) -> list
         return channels
     if "signals" in node:
         return _simulink_channels(name, node, path)
-    by_case = {key.lower(): key for key in node}
-    if "time" in by_case and "data" in by_case and _is_array(node[by_case["data"]]):
-        return _time_series_channels(name, node, by_case, group)
+    key_by_lower_case = {key.lower(): key for key in node}
+    if (
+        "time" in key_by_lower_case
+        and "data" in key_by_lower_case
+        and _is_array(node[key_by_lower_case["data"]])
+    ):
+        return _time_series_channels(name, node, key_by_lower_case, group)
     return find_channels(node, path)
 
 
@@ -181,7 +185,7 @@ def _simulink_channels(name: str, node: MatTree, path: str) -> list[Channel]:
 
 
 def _time_series_channels(
-    name: str, node: MatTree, by_case: Mapping[str, str], group: str
+    name: str, node: MatTree, key_by_lower_case: Mapping[str, str], group: str
 ) -> list[Channel]:
     """Return the channels of a structure with Time and Data, such as a saved timeseries.
 
@@ -189,19 +193,19 @@ def _time_series_channels(
     """
 
     def unit(key: str) -> str:
-        info = node.get(by_case.get(key, ""))
+        info = node.get(key_by_lower_case.get(key, ""))
         text = info.get("Units", info.get("units")) if isinstance(info, Mapping) else info
         return _as_text(text)
 
-    times = node[by_case["time"]]
+    times = node[key_by_lower_case["time"]]
     clock = None
     if _is_array(times) and np.prod(times.shape) > 0:
         seconds = {"": "s", "seconds": "s", "milliseconds": "ms", "microseconds": "us"}
         stated = unit("timeinfo")
         (clock,) = _array_channels("time", times, group, seconds.get(stated, stated))
-    title = _as_text(node.get(by_case.get("name", ""))) or name
+    title = _as_text(node.get(key_by_lower_case.get("name", ""))) or name
     units = unit("datainfo") or unit("units") or unit("unit")
-    return _array_channels(title, node[by_case["data"]], group, units, clock)
+    return _array_channels(title, node[key_by_lower_case["data"]], group, units, clock)
 
 
 def _array_channels(

@@ -37,12 +37,12 @@ def open_mdf(path: Path) -> ChannelFile:
         head = stream.read(16)
     if not head.startswith((b"MDF     ", b"UnFinMF ")):
         raise InputError(f"{path}: is not an MDF file; export it again", code="not-an-mdf-file")
-    with _open(path) as file:
+    with _open_as_mdf4(path) as file:
         return ChannelFile(path, tuple(_find_channels(path, file)), _read)
 
 
 @contextmanager
-def _open(path: Path) -> Iterator[Any]:
+def _open_as_mdf4(path: Path) -> Iterator[Any]:
     """Open a file as MDF 4; asammdf converts older versions in a temporary file."""
     from asammdf import MDF
 
@@ -90,7 +90,7 @@ def _find_channels(path: Path, file: Any) -> list[Channel]:
 
 def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Values]:
     values = []
-    with _open(path) as file:
+    with _open_as_mdf4(path) as file:
         for channel in channels:
             group, index = channel.key
             signal = file.get(

@@ -92,9 +92,9 @@ def classify_rows(texts: Iterable[str], layout: Layout, first_line: int = 0) -> 
             waiting.append(row)
             continue
         if waiting:
-            first, *others = waiting
-            yield first if row.word == first.word else _mark_as_statistics(first)
-            yield from others
+            waiting_row, *later_rows = waiting
+            yield waiting_row if row.word == waiting_row.word else _mark_as_statistics(waiting_row)
+            yield from later_rows
             waiting = []
         if row.word and row.word != previous_word:
             waiting, previous_word = [row], row.word
@@ -155,15 +155,16 @@ def is_statistics_row(filled: Sequence[str]) -> bool:
 
 def _is_header(fields: Sequence[str], layout: Layout) -> bool:
     """Whether a row repeats the names or the units of the columns."""
-    own = [
+    field_columns = [
         (" ".join(fields[column.position].split()), column)
         for column in layout.table.columns
         if column.position is not None and column.position < len(fields)
     ]
-    is_units = any(column.unit for _, column in own) and all(
-        normalise_unit(field) == column.unit or field == column.unit for field, column in own
+    is_units = any(column.unit for _, column in field_columns) and all(
+        normalise_unit(field) == column.unit or field == column.unit
+        for field, column in field_columns
     )
-    return is_units or all(field == column.name for field, column in own)
+    return is_units or all(field == column.name for field, column in field_columns)
 
 
 def _refuse_other_header(fields: Sequence[str], layout: Layout, line: int) -> None:
@@ -171,8 +172,10 @@ def _refuse_other_header(fields: Sequence[str], layout: Layout, line: int) -> No
     if len(fields) < 2 or _is_header(fields, layout):
         return
     headers = [parse_header(field) for field in fields if field]
-    known = [header for header in headers if header.quantity and header.unit]
-    has_names = len(known) > 1 and len(known) == len({header.text for header in known})
+    known_headers = [header for header in headers if header.quantity and header.unit]
+    has_names = len(known_headers) > 1 and len(known_headers) == len(
+        {header.text for header in known_headers}
+    )
     if has_names or (layout.units and all(find_unit(normalise_unit(field)) for field in fields)):
         raise InputError(
             f"{layout.path}: a second header in line {line} ('{', '.join(fields)[:60]}') differs "
@@ -181,12 +184,12 @@ def _refuse_other_header(fields: Sequence[str], layout: Layout, line: int) -> No
         )
 
 
-def refuse_factors(where: str, filled: Sequence[str]) -> None:
+def refuse_factors(place: str, filled: Sequence[str]) -> None:
     """Raise an error for a row with factors of the columns."""
     is_marked = len(filled) > 1 and all(FACTOR_FIELD.fullmatch(field) for field in filled)
     if is_marked or (_FACTORS.fullmatch(filled[0]) and len(filled) > 1 and is_number(filled[1])):
         raise InputError(
-            f"{where}: '{filled[0]}' begins a row of factors or offsets, which are not applied; apply "
+            f"{place}: '{filled[0]}' begins a row of factors or offsets, which are not applied; apply "
             'them to the numbers, or remove the line and state each factor: --scale "COLUMN=FACTOR"',
             code="factor-row",
         )

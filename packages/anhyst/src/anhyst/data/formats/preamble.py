@@ -50,9 +50,9 @@ class TextColumns:
 
 def normalise_unit(text: str) -> str:
     """Return the symbol of a unit that may be in brackets or a full word."""
-    plain = text.strip(" \"[]()'")
-    unit = find_unit(plain)
-    return unit.symbol if unit else plain
+    text_inside = text.strip(" \"[]()'")
+    unit = find_unit(text_inside)
+    return unit.symbol if unit else text_inside
 
 
 def is_comment(text: str) -> bool:
@@ -91,8 +91,10 @@ def is_header(lines: Lines, index: int, min_columns: int) -> bool:
     fields = _split_names(lines[index][0], delimiter)
     if fields is None or len(fields) < min_columns:
         return False
-    _, below = skip_comments(lines, index + 1)
-    units = parse_unit_row(lines[below][0], delimiter, fields) if below < len(lines) else None
+    _, line_below = skip_comments(lines, index + 1)
+    units = (
+        parse_unit_row(lines[line_below][0], delimiter, fields) if line_below < len(lines) else None
+    )
     headers = map(parse_header, fields, units or [None] * len(fields))
     return any(header.is_known and header.problem is None for header in headers)
 
@@ -102,24 +104,26 @@ class HeadTooShortError(Exception):
 
 
 def find_header(
-    path: Path, lines: Lines, first: int, min_columns: int, *, is_last: bool
+    path: Path, lines: Lines, first_line: int, min_columns: int, *, is_last: bool
 ) -> tuple[TextColumns, list[str]]:
     """Return the columns of a table with a row of names, and the comments above its data."""
     remarks: list[str] = []
-    delimiter, row = detect_delimiter(lines[first][0]), first
-    if not is_header(lines, first, min_columns):
-        row, delimiter = _find_names_above_run(path, lines, first, min_columns, is_last=is_last)
+    delimiter, row = detect_delimiter(lines[first_line][0]), first_line
+    if not is_header(lines, first_line, min_columns):
+        row, delimiter = _find_names_above_run(
+            path, lines, first_line, min_columns, is_last=is_last
+        )
         remarks = [
-            text.strip().lstrip(_COMMENT_SIGNS) for text, _ in lines[first:row] if text.strip()
+            text.strip().lstrip(_COMMENT_SIGNS) for text, _ in lines[first_line:row] if text.strip()
         ]
     names, data = split_header_line(lines[row][0], delimiter), row + 1
     if all(is_number(name) for name in names if name):
         names, data = read_header_comment(path, lines, row, names), row
     names = drop_empty_tail(names)
-    below = skip_comments(lines, data)[1]
-    if delimiter is None and row < data <= below < len(lines):
+    line_below = skip_comments(lines, data)[1]
+    if delimiter is None and row < data <= line_below < len(lines):
         wide_names = re.split(r"\s{2,}", lines[row][0].strip())  # names that contain single blanks
-        is_wide = min_columns <= len(wide_names) == len(lines[below][0].split())
+        is_wide = min_columns <= len(wide_names) == len(lines[line_below][0].split())
         names = wide_names if is_wide else names
     if len(names) < min_columns:
         raise InputError(
@@ -129,7 +133,7 @@ def find_header(
         )
     comments, data, units = _read_rows_below_names(lines, data, delimiter, names)
     if units is None:
-        units = _find_units_above(lines[first:row], delimiter, names)
+        units = _find_units_above(lines[first_line:row], delimiter, names)
     rows = [
         split_line(text, delimiter)
         for text, _ in lines[data : data + _MIN_RUN_ROWS]
@@ -169,29 +173,29 @@ def _read_rows_below_names(
             return remarks, begin, units
         remarks += [] if found else [lines[begin][0].strip()]
         units = units or found
-        more, begin = skip_comments(lines, begin + 1)
-        remarks += more
+        more_comments, begin = skip_comments(lines, begin + 1)
+        remarks += more_comments
         if found:
             comments, data = list(remarks), begin
     return comments, data, units
 
 
 def _find_names_above_run(
-    path: Path, lines: Lines, first: int, min_columns: int, *, is_last: bool
+    path: Path, lines: Lines, first_line: int, min_columns: int, *, is_last: bool
 ) -> tuple[int, str | None]:
     """Return the row of names above the first long run of numbers, and the delimiter."""
-    runs = [(find_run(lines, first, sign, min_columns), sign) for sign in _DELIMITERS]
+    runs = [(find_run(lines, first_line, sign, min_columns), sign) for sign in _DELIMITERS]
     found_runs = [(run, sign) for run, sign in runs if run is not None]
     if not found_runs and not is_last:
         raise HeadTooShortError
-    if not found_runs or any(run.start == first for run, _ in found_runs):
-        return first, detect_delimiter(lines[first][0])
+    if not found_runs or any(run.start == first_line for run, _ in found_runs):
+        return first_line, detect_delimiter(lines[first_line][0])
     for run, sign in found_runs:
-        row = _find_names_row(lines, first, run, sign)
+        row = _find_names_row(lines, first_line, run, sign)
         if row is not None:
             return row, sign
     run, _ = max(found_runs, key=lambda run: run[0].width)
-    above = _find_text_above(lines, first, run.start) or first
+    above = _find_text_above(lines, first_line, run.start) or first_line
     raise InputError(
         f"{path}: line {above + 1}: '{shorten(lines[above][0].strip())}' is in the place of the header of "
         f"the {run.width} numeric columns below it; name them there, such as "
@@ -204,10 +208,10 @@ _MAX_ROWS_ABOVE = 12
 """Number of rows above the data that can contain the names, above channels and rates."""
 
 
-def _find_names_row(lines: Lines, first: int, run: NumberRun, sign: str | None) -> int | None:
+def _find_names_row(lines: Lines, first_line: int, run: NumberRun, sign: str | None) -> int | None:
     """Return the row above a run that names its columns best, the lowest of equal ones."""
-    best, best_count = None, -2
-    above = _find_text_above(lines, first, run.start)
+    best_line, best_count = None, -2
+    above = _find_text_above(lines, first_line, run.start)
     for _ in range(_MAX_ROWS_ABOVE):
         names = None if above is None else _split_names(lines[above][0], sign)
         if above is None or names is None:
@@ -216,9 +220,9 @@ def _find_names_row(lines: Lines, first: int, run: NumberRun, sign: str | None) 
             is_units = parse_unit_row(lines[above][0], sign, names) is not None
             count = -1 if is_units else _count_names(names)
             if count > best_count:
-                best, best_count = above, count
-        above = _find_text_above(lines, first, above)
-    return best
+                best_line, best_count = above, count
+        above = _find_text_above(lines, first_line, above)
+    return best_line
 
 
 def _count_names(names: list[str]) -> int:
@@ -243,8 +247,8 @@ def _find_units_above(
     values, times = found.get("vertical units"), found.get("horizontal units")
     if values is None:
         return None
-    first = times[1] if times and len(times) > 1 else "s"
-    return (first.lower(), *values[1 : len(names)])
+    time_unit = times[1] if times and len(times) > 1 else "s"
+    return (time_unit.lower(), *values[1 : len(names)])
 
 
 def _split_names(text: str, delimiter: str | None) -> list[str] | None:
@@ -253,9 +257,9 @@ def _split_names(text: str, delimiter: str | None) -> list[str] | None:
     return None if any(is_number(field) for field in fields) else fields
 
 
-def _find_text_above(lines: Lines, first: int, start: int) -> int | None:
+def _find_text_above(lines: Lines, first_line: int, start: int) -> int | None:
     """Return the index of the last line above another that is neither blank nor a comment."""
-    above = range(start - 1, first - 1, -1)
+    above = range(start - 1, first_line - 1, -1)
     return next((n for n in above if lines[n][0].strip() and not is_comment(lines[n][0])), None)
 
 
@@ -273,10 +277,12 @@ class NumberRun:
     rows: int = 0
 
 
-def find_run(lines: Lines, first: int, delimiter: str | None, min_columns: int) -> NumberRun | None:
+def find_run(
+    lines: Lines, first_line: int, delimiter: str | None, min_columns: int
+) -> NumberRun | None:
     """Return the first run of at least `_MIN_RUN_ROWS` rows, else the longest of three or more."""
-    run, best = NumberRun(first, 0, set()), None
-    for line in range(first, len(lines)):
+    run, best_run = NumberRun(first_line, 0, set()), None
+    for line in range(first_line, len(lines)):
         text = lines[line][0]
         if not text.strip() or is_comment(text):
             continue
@@ -301,9 +307,9 @@ def find_run(lines: Lines, first: int, delimiter: str | None, min_columns: int) 
             run = NumberRun(line, 0, set())
         elif run.rows >= _MIN_RUN_ROWS:
             return run
-        elif run.rows >= 3 and (best is None or run.rows > best.rows):
-            best = run
-    return best
+        elif run.rows >= 3 and (best_run is None or run.rows > best_run.rows):
+            best_run = run
+    return best_run
 
 
 def _is_table(numbers: set[int], columns: int, min_columns: int) -> bool:
@@ -336,18 +342,20 @@ def drop_empty_tail(fields: list[str]) -> list[str]:
     return kept
 
 
-def read_header_comment(path: Path, lines: Lines, first: int, row: list[str]) -> list[str]:
+def read_header_comment(path: Path, lines: Lines, first_line: int, row: list[str]) -> list[str]:
     """Return the names in the last comment before the data, as NumPy and COMSOL write them."""
-    comments = [text for text, _ in lines[:first] if is_comment(text)]
+    comments = [text for text, _ in lines[:first_line] if is_comment(text)]
     if comments:
         text = comments[-1].strip().lstrip(_COMMENT_SIGNS)
-        whole = comments[-1].strip()  # a row number may be called '#'
-        choices = [split_header_line(line, detect_delimiter(line)) for line in (text, whole)]
+        whole_comment = comments[-1].strip()  # a row number may be called '#'
+        choices = [
+            split_header_line(line, detect_delimiter(line)) for line in (text, whole_comment)
+        ]
         for fields in (*choices, re.split(r"\s{2,}|\t", text)):
             if len(fields) == len(row) and not any(is_number(field) for field in fields):
                 return fields
     raise InputError(
-        f"{path}: line {first + 1}: numbers instead of a header; {HEADER_ADVICE}",
+        f"{path}: line {first_line + 1}: numbers instead of a header; {HEADER_ADVICE}",
         code="no-header",
     )
 

@@ -41,8 +41,8 @@ def join_sections(
         return content, None
     if path.stat().st_size > MAX_BYTES:
         raise InputError(f"{path}: is larger than {MAX_BYTES >> 30} GiB; cut it", code="too-large")
-    whole = path.read_bytes() if content is None else content
-    lines = re.split(r"\r?\n", whole.decode(detect_encoding(whole), "replace"))
+    file_content = path.read_bytes() if content is None else content
+    lines = re.split(r"\r?\n", file_content.decode(detect_encoding(file_content), "replace"))
     sections, other_tables = (
         (_find_labview_segments(path, lines), []) if is_labview else _find_tables(path, lines)
     )
@@ -77,9 +77,9 @@ def _merge_sections(
         tail = [section.label] if len(sections) > 1 else []
         for line, fields in section.rows.items():
             text[line] = "\t".join([*fields[:width], *[""] * (width - len(fields)), *tail])
-    first = min(min(section.rows) for section in sections)
+    first_line = min(min(section.rows) for section in sections)
     table = TextColumns(
-        first, "\t", len(columns), tuple(columns), notes=tuple(notes), is_joined=True
+        first_line, "\t", len(columns), tuple(columns), notes=tuple(notes), is_joined=True
     )
     return text, table
 
@@ -107,8 +107,12 @@ def _find_tables(path: Path, lines: list[str]) -> tuple[list[_Section], list[_Se
     if not found:
         return [], []
     names = [tuple(column.name for column in section.columns) for section in found]
-    usual, _ = Counter(names).most_common(1)[0]
-    sections = [section for section, own in zip(found, names, strict=True) if own == usual]
+    usual_names, _ = Counter(names).most_common(1)[0]
+    sections = [
+        section
+        for section, section_names in zip(found, names, strict=True)
+        if section_names == usual_names
+    ]
     if len({section.label for section in sections}) < len(sections):
         for number, section in enumerate(sections, start=1):
             section.label = str(number)

@@ -113,10 +113,10 @@ def _read(path: Path, channels: Sequence[Channel], count: int | None) -> list[Va
 
 
 def _read_samples(file: Any, channel: Channel, count: int | None) -> Values:
-    first, second = channel.key
-    if not isinstance(first, str):
-        return np.asarray(first + second * np.arange(channel.length)[:count])
-    values = file[first][second].read_data(length=count)
+    key, key_detail = channel.key
+    if not isinstance(key, str):
+        return np.asarray(key + key_detail * np.arange(channel.length)[:count])
+    values = file[key][key_detail].read_data(length=count)
     return np.asarray(values, dtype=str) if channel.is_text else np.asarray(values)
 
 

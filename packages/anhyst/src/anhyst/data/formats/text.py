@@ -50,8 +50,8 @@ class TextTable(Layout):
 
     def find(self, name: str) -> int | None:
         """Return the index of a column by its header; several blanks count as one."""
-        plain = " ".join(name.split())
-        return self.header.index(plain) if plain in self.header else None
+        plain_name = " ".join(name.split())
+        return self.header.index(plain_name) if plain_name in self.header else None
 
     def first_rows(self, count: int) -> list[list[str]]:
         """Return the fields of the first data rows."""
@@ -89,32 +89,32 @@ class TextTable(Layout):
             n: column.position for n, column in enumerate(columns) if column.position is not None
         }
         stamps = {self.stamp_column} & {*numbers}
-        wanted = [n for n in numbers if n in fields and n not in stamps]
-        labels = [n for n in {*texts, *stamps} if n in fields and n is not None]
-        if not wanted and not labels:
-            labels = [next(iter(fields))]  # needed to count the rows
+        number_columns = [n for n in numbers if n in fields and n not in stamps]
+        text_columns = [n for n in {*texts, *stamps} if n in fields and n is not None]
+        if not number_columns and not text_columns:
+            text_columns = [next(iter(fields))]  # needed to count the rows
         reader = _ColumnReader(
-            self, tuple(fields[n] for n in wanted), tuple(fields[n] for n in labels)
+            self, tuple(fields[n] for n in number_columns), tuple(fields[n] for n in text_columns)
         )
         digest = hashlib.sha256()
-        done = self.offset
+        bytes_done = self.offset
         with self.open() as file:
             digest.update(file.read(self.offset))
             for chunk in _read_chunks(file, self):
                 digest.update(chunk)
-                done += len(chunk)
+                bytes_done += len(chunk)
                 reader.feed(chunk)
                 if progress is not None:
-                    progress(done, self.size)
+                    progress(bytes_done, self.size)
         sha256 = digest.hexdigest() if self.content is None else file_sha256(self.path)
         found = reader.finish()
-        values = {n: reader.number_columns[fields[n]] for n in wanted}
-        words = {n: found[fields[n]] for n in labels}
+        values = {n: reader.number_columns[fields[n]] for n in number_columns}
+        words = {n: found[fields[n]] for n in text_columns}
         values |= {n: seconds_since_first(words[n]) for n in stamps if n is not None}
         start, step = self.table.clock
         clock = start + step * np.arange(reader.rows)
         values |= {n: clock.astype(np.float64) for n in numbers if n not in fields}
-        values |= {n: start + step * values[n] for n in wanted if columns[n].is_counter}
+        values |= {n: start + step * values[n] for n in number_columns if columns[n].is_counter}
         words |= {
             n: Texts.from_rows(list(map(repr, clock.tolist()))) for n in texts if n not in fields
         }
@@ -202,21 +202,21 @@ _MAX_ODD_ROWS = 20
 
 def _read_chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
     """Yield pieces of about 4 MiB that end with a complete line."""
-    rest = b""
+    remainder = b""
     while block := file.read(_CHUNK_BYTES):
         cut = block.rfind(layout.eol) + 1
         if cut:
-            yield rest + block[:cut]
-            rest = block[cut:]
+            yield remainder + block[:cut]
+            remainder = block[cut:]
         elif len(block) == _CHUNK_BYTES:
             raise InputError(
                 f"{layout.path}: contains a line of more than 4 MiB: it is not a text table",
                 code="line-too-long",
             )
         else:
-            rest += block
-    if rest:
-        yield rest
+            remainder += block
+    if remainder:
+        yield remainder
 
 
 def split_lines(file: BinaryIO, layout: Layout) -> Iterator[str]:
@@ -228,8 +228,12 @@ def split_lines(file: BinaryIO, layout: Layout) -> Iterator[str]:
 
 def shorten_field(field: str) -> str:
     """Return a field of a file in printable and short form, for a message."""
-    plain = "".join(sign if sign.isprintable() else "?" for sign in field)
-    return plain if len(plain) <= _MAX_SHOWN_LENGTH else plain[: _MAX_SHOWN_LENGTH - 3] + "..."
+    printable = "".join(sign if sign.isprintable() else "?" for sign in field)
+    return (
+        printable
+        if len(printable) <= _MAX_SHOWN_LENGTH
+        else printable[: _MAX_SHOWN_LENGTH - 3] + "..."
+    )
 
 
 class _ColumnReader:
@@ -298,14 +302,16 @@ class _ColumnReader:
         self.rows = needed
 
     def _encode_texts(self, index: int, texts: Labels) -> NDArray[np.int32]:
-        known = self.text_codes[index]
+        code_by_text = self.text_codes[index]
         if isinstance(texts, list):
-            return np.array([known.setdefault(text, len(known)) for text in texts], np.int32)
-        values, first, inverse = np.unique(texts, return_index=True, return_inverse=True)
+            return np.array(
+                [code_by_text.setdefault(text, len(code_by_text)) for text in texts], np.int32
+            )
+        values, first_rows, inverse = np.unique(texts, return_index=True, return_inverse=True)
         codes = np.empty(values.size, np.int32)
-        for at in np.argsort(first):  # in order of appearance
+        for at in np.argsort(first_rows):  # in order of appearance
             text = values[at].decode(self.layout.encoding, "replace").strip()
-            codes[at] = known.setdefault(text, len(known))
+            codes[at] = code_by_text.setdefault(text, len(code_by_text))
         return codes[inverse.reshape(-1)]
 
     def _convert_fast(self, chunk: bytes) -> Piece | None:
@@ -410,7 +416,7 @@ class _ColumnReader:
     def _parse_number(self, field: str, index: int, number: int) -> float:
         comma = "." not in field
         key = self.names[index]
-        where = f"{self.layout.path}: line {number}, column '{key}'"
+        place = f"{self.layout.path}: line {number}, column '{key}'"
         try:
             if "_" in field:
                 raise ValueError
@@ -418,15 +424,15 @@ class _ColumnReader:
         except ValueError:
             if is_invalid_mark(field):
                 return math.nan
-            text = f"{where}: '{shorten_field(field)}' is not a number; correct or remove the line"
+            text = f"{place}: '{shorten_field(field)}' is not a number; correct or remove the line"
             if _THOUSANDS_NUMBER.fullmatch(field):
                 text = (
-                    f"{where}: '{shorten_field(field)}' has a separator of thousands; export the numbers "
+                    f"{place}: '{shorten_field(field)}' has a separator of thousands; export the numbers "
                     "without it"
                 )
             elif _MINUTES_AND_SECONDS.fullmatch(field):
                 text = (
-                    f"{where}: '{shorten_field(field)}' is a time without hours; export the times in s, "
+                    f"{place}: '{shorten_field(field)}' is a time without hours; export the times in s, "
                     f'or leave them out: --columns "{key}="'
                 )
             raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key) from None
