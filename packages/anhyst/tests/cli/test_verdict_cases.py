@@ -82,7 +82,7 @@ def test_table_of_branches_in_one_direction_is_refused_and_the_remedy_works(
     (tmp_path / "turned.csv").write_text("\n".join([*lines[:41], *lines[:40:-1]]) + "\n")
     result = quick("inspect", "turned.csv", "--history", history, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert "wrong way" not in result.stderr
+    assert "wrong direction" not in result.stderr
 
 
 def noisy(rate: float, density: float) -> Loops:

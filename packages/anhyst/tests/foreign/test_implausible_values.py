@@ -95,7 +95,7 @@ def test_a_demand_in_the_wrong_unit_warns_in_one_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("header", "factors", "words"),
     [
-        ("t_s,I_A,F_N,gap_mm", (1.0, 1.0, 1.0), "finer than surfaces are flat"),
+        ("t_s,I_A,F_N,gap_mm", (1.0, 1.0, 1.0), "smaller than the flatness of surfaces"),
         ("t_s,I_A,F_kN,gap_m", (1.0, 1.0, 1.0), "the largest force is"),
         ("t_s,I_A,F_N,gap_m", (1e3, 1.0, 1.0), "the largest current is 2000 A"),
         ("t_s,I_A,F_N,gap_m", (1.0, 1.0, 1e3), "very wide for an electromagnet"),

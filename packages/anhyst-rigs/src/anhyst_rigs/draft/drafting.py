@@ -9,7 +9,7 @@ from typing import Any
 
 from anhyst.data import Loops
 from anhyst.data.clean import ReadOptions
-from anhyst.data.reading import list_input_files
+from anhyst.data.input_files import list_input_files
 from anhyst.data.speeds import describe_rate
 from anhyst.support.atomic import PathLike, add_files, check_new
 from anhyst.support.errors import InputError

@@ -23,7 +23,8 @@ from anhyst.compensate.force_controller import Io
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data.formats import FORMATS
-from anhyst.data.reading import list_input_files, read_loops
+from anhyst.data.input_files import list_input_files
+from anhyst.data.reading import read_loops
 from anhyst.data.verdict import largest_output
 from anhyst.identification import identify
 from anhyst.identification.run import IdentifyResult, require_complete

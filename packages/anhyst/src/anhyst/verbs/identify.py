@@ -111,8 +111,8 @@ def identify(
     """
     from dataclasses import replace
 
+    from anhyst.data.input_files import list_input_files
     from anhyst.data.loops import Loops
-    from anhyst.data.reading import list_input_files
     from anhyst.data.source import load_loops
     from anhyst.data.table import check_source, is_data_frame
     from anhyst.identification.identify import check_options
