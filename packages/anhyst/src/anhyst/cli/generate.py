@@ -213,10 +213,7 @@ def _typer_settings(described: ParameterDoc, flags: Mapping[str, str]) -> dict[s
     return {name: value for name, value in settings.items() if value is not None}
 
 
-_PATH_TYPES = (
-    (r"\bSequence\[.*PathLike|\bLoopSource\b", list[Path]),
-    (r"\bPath(Like)?\b", Path),
-)
+_PATH_TYPES = ((r"\bSequence\[.*PathLike|\bLoopSource\b", list[Path]), (r"\bPath(Like)?\b", Path))
 """Patterns of the annotations that are paths on the command line, and their types there."""
 
 

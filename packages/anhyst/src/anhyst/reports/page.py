@@ -13,11 +13,7 @@ from anhyst.data.loops import Loops
 from anhyst.data.verdict import GAIN_ADVICE
 from anhyst.model.actuator import MODEL_SOURCES, Model, read_model
 from anhyst.reports import sections_model
-from anhyst.reports.figures import (
-    figure_loops,
-    figure_reduction,
-    figure_residuals,
-)
+from anhyst.reports.figures import figure_loops, figure_reduction, figure_residuals
 from anhyst.reports.figures_over_schedule import figure_between, figure_parameters
 from anhyst.reports.sections_fit import (
     section_loops,

@@ -33,13 +33,7 @@ import scipy
 from pydantic import BaseModel
 
 from anhyst._core import _native
-from anhyst.support.atomic import (
-    PathLike,
-    cache_folder,
-    contract_folder,
-    write_bytes,
-    write_error,
-)
+from anhyst.support.atomic import PathLike, cache_folder, contract_folder, write_bytes, write_error
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import core_count
 from anhyst.support.registry import plugin_paths

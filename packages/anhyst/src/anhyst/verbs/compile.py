@@ -180,8 +180,7 @@ def _show_model(compiled: Compiled) -> Iterator[OutputPart]:
 
     manifest, budget = compiled.manifest, compiled.budget
     rows = TerminalTable(
-        f"accuracy, in % of {budget.reference_output:.4g} {budget.unit}",
-        ("part", "worst", "rms"),
+        f"accuracy, in % of {budget.reference_output:.4g} {budget.unit}", ("part", "worst", "rms")
     )
     for part in (*budget.parts, budget.compiled, budget.total, budget.drift):
         if part.worst is not None and part.rms is not None:

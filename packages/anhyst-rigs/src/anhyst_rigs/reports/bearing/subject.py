@@ -407,10 +407,7 @@ def standstill_tables(figures: VariantFigures) -> list[PageTable]:
         [[name, *_cycle_row(figures[name])] for name in in_report_order(figures)],
         "Amplitude and period: medians of the runs that have a cycle.",
     )
-    return [
-        *(case_table(metric, {"standstill": figures}) for metric in STANDSTILL_METRICS),
-        cycles,
-    ]
+    return [*(case_table(metric, {"standstill": figures}) for metric in STANDSTILL_METRICS), cycles]
 
 
 def _cycle_row(figures: ExperimentFigures) -> tuple[str, str, str]:

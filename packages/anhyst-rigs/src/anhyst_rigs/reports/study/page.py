@@ -279,10 +279,7 @@ class TerminalSummary(NamedTuple):
 
 
 def page_text(
-    kind: str,
-    head: Headline,
-    sections: Sequence[Section | None],
-    source: str = "a simulation",
+    kind: str, head: Headline, sections: Sequence[Section | None], source: str = "a simulation"
 ) -> str:
     """Return the page of a study; empty sections are left out."""
     nonempty = [section for section in sections if section is not None and section.blocks]

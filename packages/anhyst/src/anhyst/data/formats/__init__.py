@@ -52,7 +52,7 @@ _BUILT_IN_OPENERS: dict[str, Opener] = {
 FORMATS: Registry[Opener] = Registry(
     "anhyst.formats",
     _BUILT_IN_OPENERS,
-    lambda opener, _: "" if callable(opener) else "and it is no function",
+    lambda opener, _: "" if callable(opener) else "and it is not a function",
     prefix=".",
 )
 """By suffix: those of anhyst, and of the entry points ``anhyst.formats`` of installed packages.
