@@ -76,7 +76,7 @@ def test_a_search_interrupted_early_writes_nothing(tmp_path: Path, loops: str) -
     printed, message = interrupt(process)
     assert printed == ""
     assert message == (
-        "anhyst: interrupted: too early for a model, nothing written; the same command goes on "
+        "anhyst: interrupted: too early for a model; nothing was written; the same command continues "
         "from there\n"
     )
     left = contents(tmp_path)
@@ -109,7 +109,7 @@ def test_a_search_interrupted_late_writes_the_best_so_far(tmp_path: Path, loops:
     wait_until(process, lambda: has_joined_gaps(tmp_path))
     _, message = interrupt(process)
     assert message.splitlines()[-1] == (
-        "anhyst: interrupted: model.toml holds the best model so far; the same command goes on "
+        "anhyst: interrupted: model.toml contains the best model until then; the same command continues "
         "from there"
     )
     found = read_model(tmp_path / "model.toml")
