@@ -273,7 +273,8 @@ static int find_from_end(compensator *c, number wanted)
 
 #ifdef UNIT_BY_CONTRACT
 /* Proved in prove_block.c. */
-static inline number in_unit(number a, const entry *before, const entry *words, int16_t word)
+static inline number convert_unit(number a, const entry *old_words, const entry *new_words,
+                                  int16_t word)
 {
   SHOW(a >= -ANHYST_Q30_ONE && a <= ANHYST_Q30_ONE);
   return nondet_i32();

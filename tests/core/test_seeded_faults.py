@@ -86,8 +86,8 @@ FAULTS = [
     Fault(
         "root a step short",
         "src/compensator/compensator.c",
-        "  r = (r + (full >> 1) / r) >> 1;\n  r = (r + (full >> 1) / r) >> 1;\n",
-        "  r = (r + (full >> 1) / r) >> 1;\n",
+        "  r = (r + (normalised >> 1) / r) >> 1;\n  r = (r + (normalised >> 1) / r) >> 1;\n",
+        "  r = (r + (normalised >> 1) / r) >> 1;\n",
         "test_fixed_root",
     ),
     Fault(
@@ -163,7 +163,7 @@ FAULTS = [
     Fault(
         "a damaged flux without limits",
         "src/compensator/generic/simplified.h",
-        "within(memory->flux, -ONE, ONE),",
+        "clamp(memory->flux, -ONE, ONE),",
         "memory->flux,",
         "test_simplified_formats",
     ),

@@ -264,7 +264,7 @@ static inline number law_stiffness(number width, number rise, number own)
   return law + own > 1 ? law + own : 1;
 }
 
-static inline number size_of(number a) { return anhyst_abs_q31(a); }
+static inline number absolute(number a) { return anhyst_abs_q31(a); }
 
 /* Returns the slope between two positions. Requires run != 0. */
 static inline number secant(number rise, number run)

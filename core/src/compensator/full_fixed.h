@@ -65,14 +65,14 @@ static inline number clamped(number a, number low, number high)
   return anhyst_clamp(a, low, high);
 }
 
-static inline number size_of(number a) { return a < 0 ? -a : a; }
+static inline number absolute(number a) { return a < 0 ? -a : a; }
 
 static inline mirror mirror_of(int is_falling) { return is_falling ? -1 : 0; }
 
 /* A number as it is on a path that rises. -1 - a stands for -a, which could leave the range. */
 static inline number turned(number a, mirror way) { return (number)((uint32_t)a ^ (uint32_t)way); }
 
-static inline int is_residual(number residual) { return size_of(residual) > RESIDUAL_DEADBAND; }
+static inline int is_residual(number residual) { return absolute(residual) > RESIDUAL_DEADBAND; }
 
 /* a times a weight, and a times a q15. */
 static inline number scaled(number a, entry weight) { return anhyst_scale(a, weight); }

@@ -20,11 +20,8 @@
 
 static inline number sum(number a, number b) { return anhyst_add_q31(a, b); }
 static inline number difference(number a, number b) { return anhyst_sub_q31(a, b); }
-static inline number size_of(number a) { return anhyst_abs_q31(a); }
-static inline number within(number a, number low, number high)
-{
-  return anhyst_clamp(a, low, high);
-}
+static inline number absolute(number a) { return anhyst_abs_q31(a); }
+static inline number clamp(number a, number low, number high) { return anhyst_clamp(a, low, high); }
 
 /* a times a weight, floor. */
 static inline number scaled(number a, entry weight) { return anhyst_scale(a, weight); }

@@ -58,7 +58,7 @@ static int are_rows_valid(const entry *words)
   const int first = integer_of(words[ANHYST_WORD_CELLS_ROWS]);
   for (int row = 0; row < rows; row++) {
     if (!is_table_rising(words, (entry)(first + row * path.stride), path.stride, -ENTRY_ONE,
-                         ENTRY_MOST)) {
+                         MAX_ENTRY)) {
       return 0;
     }
   }
@@ -222,10 +222,10 @@ static void transfer_memory(const entry *before, const entry *words, number flux
     number r = 0;
     if (cell > 0) {
       /* NOLINTNEXTLINE(readability-suspicious-call-argument): from the new unit to the old one */
-      r = in_unit(half_width(&path, cell), words, before, ANHYST_WORD_UNIT_FIELD);
+      r = convert_unit(half_width(&path, cell), words, before, ANHYST_WORD_UNIT_FIELD);
     }
-    all_plays[cell] = saturate(
-        in_unit(interpolate_play(&old_path, old_plays, r), before, words, ANHYST_WORD_UNIT_FIELD));
+    all_plays[cell] = saturate(convert_unit(interpolate_play(&old_path, old_plays, r), before,
+                                            words, ANHYST_WORD_UNIT_FIELD));
   }
   number low = 2 * FIELD_MIN;
   number high = 2 * FIELD_MAX;

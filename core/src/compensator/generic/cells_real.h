@@ -39,13 +39,13 @@ static inline int integer_of(entry word) { return (int)word; }
 /* Returns a, or -a for a mirror of -1. */
 static inline number mirrored(number a, int mirror) { return mirror != 0 ? -a : a; }
 
-static inline number clamped(number a, number low, number high) { return within(a, low, high); }
+static inline number clamped(number a, number low, number high) { return clamp(a, low, high); }
 
 /* Returns whether -half <= x < half. */
 static inline int is_around_zero(number x, number half) { return x >= -half && x < half; }
 
 /* Saturates to -1 .. 1; returns the lower end for NaN. */
-static inline number saturate(number a) { return within(a, FIELD_MIN, FIELD_MAX); }
+static inline number saturate(number a) { return clamp(a, FIELD_MIN, FIELD_MAX); }
 
 static inline number sum(number a, number b) { return a + b; }
 static inline number difference(number a, number b) { return a - b; }
@@ -243,13 +243,13 @@ static inline number divide_by_share(number a, entry share) { return a / share; 
    layer. */
 static inline number law_stiffness(number width, number rise, number own)
 {
-  return within(quarter(width / rise) + own, MIN_STIFFNESS, MAX_STIFFNESS);
+  return clamp(quarter(width / rise) + own, MIN_STIFFNESS, MAX_STIFFNESS);
 }
 
 /* Returns the slope between two positions. Requires run != 0. */
 static inline number secant(number rise, number run)
 {
-  return within(rise / run, MIN_STIFFNESS, MAX_STIFFNESS);
+  return clamp(rise / run, MIN_STIFFNESS, MAX_STIFFNESS);
 }
 
 /* Returns the field unchanged. In fixed point, large fields of a line are scaled down. */
@@ -281,13 +281,13 @@ static inline entry slope_share(number part, number other) { return part / (part
    and fluxes. */
 static inline int is_residual_small(number residual, number slope)
 {
-  return size_of(residual) <= NUMBER_EPS * ((number)256 + (number)16 * slope);
+  return absolute(residual) <= NUMBER_EPS * ((number)256 + (number)16 * slope);
 }
 
 /* Converts a residual to the outstanding flux of a layer and all deeper ones, limited to +-most. */
 static inline number owed_flux(const entry *words, number residual, number most)
 {
-  return within(residual / words[ANHYST_WORD_SOLID_HOLD], -most, most);
+  return clamp(residual / words[ANHYST_WORD_SOLID_HOLD], -most, most);
 }
 
 /* Sets the arms of the equation own*f + x = field - falls*(f - flux), scaled to sizes of at most
@@ -295,7 +295,7 @@ static inline number owed_flux(const entry *words, number residual, number most)
 static inline number set_line(arms_type *arms, number field, number falls, number own, number flux)
 {
   const number arm = falls + own;
-  const number scale = (number)0.5 / ((number)1 + size_of(arm));
+  const number scale = (number)0.5 / ((number)1 + absolute(arm));
   arms->bias = 0;
   arms->flux_arm = scale * arm;
   arms->field_arm = scale;

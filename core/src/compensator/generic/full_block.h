@@ -51,12 +51,12 @@ static int is_valid(const entry *words)
   }
   const int32_t segments = (int32_t)1 << (uint16_t)n;
   const int32_t inverse_segments = (int32_t)1 << (uint16_t)n_inverse;
-  return is_in_range(words[ANHYST_WORD_FULL_AIR], ENTRY_LEAST, ENTRY_MOST) &&
+  return is_in_range(words[ANHYST_WORD_FULL_AIR], MIN_WEIGHT, MAX_ENTRY) &&
          is_in_range(words[ANHYST_WORD_FULL_REVERSIBLE], 0, ENTRY_ONE) &&
          is_in_range(words[ANHYST_WORD_FULL_PLAY], 0, ENTRY_ONE) &&
-         is_in_range(words[ANHYST_WORD_FULL_RATE], ENTRY_LEAST, ENTRY_MOST) &&
+         is_in_range(words[ANHYST_WORD_FULL_RATE], MIN_WEIGHT, MAX_ENTRY) &&
          is_integer(words[ANHYST_WORD_FULL_RATE_SHIFT], 0, MAX_RATE_SHIFT) &&
-         is_in_range(words[ANHYST_WORD_FULL_STEEPNESS], ENTRY_LEAST, ENTRY_MOST) &&
+         is_in_range(words[ANHYST_WORD_FULL_STEEPNESS], MIN_WEIGHT, MAX_ENTRY) &&
          is_integer(words[ANHYST_WORD_FULL_ITERATIONS], 2, 16) &&
          is_single(words, ANHYST_WORD_UNIT_FIELD) &&
          is_table_rising(words, words[ANHYST_WORD_FULL_CURVE], segments + 1, 0,
@@ -109,9 +109,10 @@ static void carry(compensator *c, const entry *words, number flux)
   begin(&along, before, memory, mirror_of(0));
   const number equal_field = odd_value(inverse_of(before), along.y, &rise);
   from.rest = along.y - odd_value(curve_of(before), equal_field, &rise);
-  from.x = within_tables(in_unit(along.x, before, words, ANHYST_WORD_UNIT_FIELD));
-  from.p = within_tables(in_unit(along.p, before, words, ANHYST_WORD_UNIT_FIELD));
-  from.equal_field = within_tables(in_unit(equal_field, before, words, ANHYST_WORD_UNIT_FIELD));
+  from.x = within_tables(convert_unit(along.x, before, words, ANHYST_WORD_UNIT_FIELD));
+  from.p = within_tables(convert_unit(along.p, before, words, ANHYST_WORD_UNIT_FIELD));
+  from.equal_field =
+      within_tables(convert_unit(equal_field, before, words, ANHYST_WORD_UNIT_FIELD));
   begin(&along, words, memory, mirror_of(0));
   number low = -2 * UNIT;
   number high = 2 * UNIT;

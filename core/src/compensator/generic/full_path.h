@@ -177,5 +177,5 @@ static inline void slide(const path *along, number goal, answer *at)
 static inline int is_near(const path *along, number x, number next)
 {
   const number taken_up = along->p + along->play - PLAY_SLACK;
-  return size_of(next - x) <= along->tangent_step && (x >= taken_up || next <= taken_up);
+  return absolute(next - x) <= along->tangent_step && (x >= taken_up || next <= taken_up);
 }

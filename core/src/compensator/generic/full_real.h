@@ -53,16 +53,16 @@ static inline number to_memory(number a) { return a; }
 
 static inline number to_outer(number a) { return a; }
 
-static inline number within_unit(number a) { return within(a, -UNIT, UNIT); }
+static inline number within_unit(number a) { return clamp(a, -UNIT, UNIT); }
 
-static inline number clamped(number a, number low, number high) { return within(a, low, high); }
+static inline number clamped(number a, number low, number high) { return clamp(a, low, high); }
 
 static inline mirror mirror_of(int is_falling) { return is_falling ? (mirror)-1 : (mirror)1; }
 
 static inline number turned(number a, mirror way) { return a * way; }
 
 /* False for what is not a number. */
-static inline int is_residual(number residual) { return size_of(residual) > RESIDUAL_DEADBAND; }
+static inline int is_residual(number residual) { return absolute(residual) > RESIDUAL_DEADBAND; }
 
 static inline number scaled(number a, entry weight) { return a * weight; }
 
@@ -83,7 +83,7 @@ static inline number value(table t, number u, number *rise)
 
 static inline slope slope_of(table curve, number rise) { return rise * curve.segments; }
 
-static inline slope rising(slope a) { return within(a, (slope)0, MAX_SLOPE); }
+static inline slope rising(slope a) { return clamp(a, (slope)0, MAX_SLOPE); }
 
 static inline number along_slope(number step, slope a) { return step * a; }
 

@@ -119,7 +119,7 @@ static int rise(const path *along, const equation *of, const equation *limit, an
   } else if (next <= within.low || next >= within.high) {
     next = look_elsewhere(along, of, &within, at.x, residual, 0);
   } else {
-    last_step = size_of(next - at.x);
+    last_step = absolute(next - at.x);
   }
   for (int32_t left = along->evaluations;; left--) {
     at = evaluate(along, next);

@@ -25,10 +25,9 @@ static number state_beyond(const entry *words, const simplified_memory *path, nu
 /* A memory with its damaged numbers limited. */
 static simplified_memory bounded(const simplified_memory *memory)
 {
-  const simplified_memory result = {within(memory->flux, -ONE, ONE), within(memory->u, -ONE, ONE),
-                                    within(memory->turn, -ONE, ONE),
-                                    within(memory->peak, -ONE, ONE),
-                                    within(memory->start, -ONE, DISTANCE_MAX)};
+  const simplified_memory result = {clamp(memory->flux, -ONE, ONE), clamp(memory->u, -ONE, ONE),
+                                    clamp(memory->turn, -ONE, ONE), clamp(memory->peak, -ONE, ONE),
+                                    clamp(memory->start, -ONE, DISTANCE_MAX)};
   return result;
 }
 
@@ -46,9 +45,9 @@ static number state_at(const entry *words, const simplified_memory *at)
   if (at->flux == at->peak) {
     return at->u;
   }
-  const number change = held_change(words, size_of(difference(at->flux, at->peak)));
+  const number change = held_change(words, absolute(difference(at->flux, at->peak)));
   const number state = at->flux < at->peak ? difference(at->u, change) : sum(at->u, change);
-  return within(state, -ONE, ONE);
+  return clamp(state, -ONE, ONE);
 }
 
 static number current_at(const entry *words, const simplified_memory *at, const arms_type *arms)
@@ -66,7 +65,7 @@ static simplified_memory path_up(const entry *words, const simplified_memory *fr
   if (from->peak < from->turn) { /* the flux reverses */
     const number band = fraction_of(words[ANHYST_WORD_SIMPLE_BAND]);
     path.peak = sum(from->peak, band);
-    path.u = within(sum(from->u, held_change(words, band)), -ONE, ONE);
+    path.u = clamp(sum(from->u, held_change(words, band)), -ONE, ONE);
   }
   path.turn = path.peak;
   path.start = UNKNOWN_START;
@@ -113,7 +112,7 @@ static void reach(const entry *words, const simplified_memory *from, simplified_
 {
   for (int32_t i = (int32_t)words[ANHYST_WORD_SIMPLE_ITERATIONS]; i > 0; i--) {
     const number missing = difference(target, current_at(words, to, arms));
-    if (!(size_of(missing) > RESIDUAL_DEADBAND)) {
+    if (!(absolute(missing) > RESIDUAL_DEADBAND)) {
       break;
     }
     const number state = to->flux < path->peak ? -ONE : to->u; /* held, or beyond the peak */
@@ -122,7 +121,7 @@ static void reach(const entry *words, const simplified_memory *from, simplified_
       break;
     }
     const number flux = sum(to->flux, newton_step(missing, slope));
-    advance(words, from, path, within(flux, from->flux, ONE), to);
+    advance(words, from, path, clamp(flux, from->flux, ONE), to);
   }
 }
 
@@ -131,19 +130,19 @@ static number simplified_flux(compensator *c, number current)
   const entry *words = c->words;
   const arms_type *arms = &c->arms;
   const simplified_memory now = bounded(&c->memory.simplified);
-  const number target = within(difference(current, arms->bias), -CURRENT_MAX, CURRENT_MAX);
+  const number target = clamp(difference(current, arms->bias), -CURRENT_MAX, CURRENT_MAX);
   const number missing = difference(target, current_at(words, &now, arms));
   const int falling = missing < 0;
   const simplified_memory from = facing(&now, falling);
   simplified_memory to = from;
-  if (size_of(missing) > RESIDUAL_DEADBAND) {
+  if (absolute(missing) > RESIDUAL_DEADBAND) {
     simplified_memory path = path_up(words, &from);
     const number goal = falling ? -target : target;
     if (c->stage == ANHYST_STAGE_AHEAD) {
       const simplified_memory solved = bounded(&c->next.memory.simplified);
       const simplified_memory guess = facing(&solved, falling);
       if (guess.flux > from.flux &&
-          size_of(difference(goal, current_at(words, &guess, arms))) < size_of(missing)) {
+          absolute(difference(goal, current_at(words, &guess, arms))) < absolute(missing)) {
         to = guess; /* of the last solve, on the same path */
       }
     }
@@ -165,11 +164,11 @@ static void simplified_carry(compensator *c, const entry *words, number flux)
 /* Whether the words of the simplified law and of Euler's form are valid. */
 static int path_is_valid(const entry *words)
 {
-  return is_in_range(words[ANHYST_WORD_SIMPLE_RATE], ENTRY_LEAST, ENTRY_MOST) &&
+  return is_in_range(words[ANHYST_WORD_SIMPLE_RATE], MIN_WEIGHT, MAX_ENTRY) &&
          is_integer(words[ANHYST_WORD_SIMPLE_RATE_SHIFT], 0, MAX_WEIGHT_SHIFT) &&
-         is_in_range(words[ANHYST_WORD_SIMPLE_HOLD], ENTRY_LEAST, ENTRY_MOST) &&
+         is_in_range(words[ANHYST_WORD_SIMPLE_HOLD], MIN_WEIGHT, MAX_ENTRY) &&
          is_integer(words[ANHYST_WORD_SIMPLE_HOLD_SHIFT], 0, MAX_WEIGHT_SHIFT) &&
-         is_in_range(words[ANHYST_WORD_SIMPLE_REST], ENTRY_LEAST, ENTRY_ONE) &&
+         is_in_range(words[ANHYST_WORD_SIMPLE_REST], MIN_WEIGHT, ENTRY_ONE) &&
          is_in_range(words[ANHYST_WORD_SIMPLE_BAND], 0, ENTRY_ONE) &&
          is_integer(words[ANHYST_WORD_SIMPLE_ITERATIONS], 2, 16) &&
          is_table_over_gap(words, ANHYST_WORD_GAP_FLUX_ARM, 0);

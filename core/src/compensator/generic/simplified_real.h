@@ -73,7 +73,7 @@ static inline number level_of(entry word) { return word; }
 /* The part of a segment at which its line has risen by this much, 0..1. */
 static inline number part_of(number risen, entry low, entry high)
 {
-  return high > low ? within(risen / (high - low), (number)0, (number)1) : (number)0;
+  return high > low ? clamp(risen / (high - low), (number)0, (number)1) : (number)0;
 }
 
 /* Distance at which the first octave begins. */

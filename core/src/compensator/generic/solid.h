@@ -264,7 +264,7 @@ static solid_line line_below_layer(const solid_tick *tick, int layer, solid_line
 static number updated_slope(const solid_tick *tick, int at, number flux, number field)
 {
   const number change = difference(tick->flux[at], flux);
-  if (!tick->uses_secants || size_of(change) < MIN_SECANT_FLUX) {
+  if (!tick->uses_secants || absolute(change) < MIN_SECANT_FLUX) {
     return stiffness_of(tick, at);
   }
   const number slope = secant(difference(tick->field[at], field), change);
@@ -324,7 +324,7 @@ static number run_pass(solid_tick *tick)
     solve_layer_for_line(tick, j, line[j], changed);
     deeper = section_with(tick, j, deeper);
     changed = difference(deeper, tick->total_flux[j]);
-    moved = sum(moved, size_of(changed));
+    moved = sum(moved, absolute(changed));
     tick->total_flux[j] = deeper;
   }
   if (tick->is_flux_given) {
@@ -337,7 +337,7 @@ static number run_pass(solid_tick *tick)
   if (tick->laminated > 0) {
     solve_layer_for_flux(tick, layers, tick->total_flux[0]);
   }
-  return sum(moved, size_of(difference(tick->total_flux[0], first)));
+  return sum(moved, absolute(difference(tick->total_flux[0], first)));
 }
 
 /* Returns whether the equations are solved except for rounding. Sets their residuals. */
