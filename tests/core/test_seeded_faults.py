@@ -107,15 +107,15 @@ FAULTS = [
     Fault(
         "reversible part too small",
         "src/compensator/generic/full_path.h",
-        "return y + part_of(anhysteretic - y, reversible);",
-        "return y + part_of(anhysteretic - y, reversible) / 2;",
+        "return y + multiply_by_part(anhysteretic - y, reversible);",
+        "return y + multiply_by_part(anhysteretic - y, reversible) / 2;",
         "test_fixed_full",
     ),
     Fault(
         "iron against the air followed the wrong way",
         "src/compensator/generic/full_search.h",
-        "residual + scaled(risen, of->iron)",
-        "residual - scaled(risen, of->iron)",
+        "residual + scaled(risen, eq->iron)",
+        "residual - scaled(risen, eq->iron)",
         "test_fixed_full",
     ),
     Fault(
@@ -156,7 +156,7 @@ FAULTS = [
     Fault(
         "no dead band",
         "src/compensator/generic/simplified.h",
-        "const number band = fraction_of(words[ANHYST_WORD_SIMPLE_BAND]);",
+        "const number band = weight_to_number(words[ANHYST_WORD_SIMPLE_BAND]);",
         "const number band = 0;",
         "test_simplified_formats",
     ),
@@ -238,14 +238,14 @@ FAULTS = [
         "test_fixed_cells",
     ),
     Fault(
-        "cells moving_m at the wrong side",
+        "cells left at the wrong side",
         "src/compensator/generic/cells.h",
         "path->reversal = locate(path, path->rows, mirrored(x, -1));",
         "path->reversal = locate(path, path->rows, x);",
         "test_fixed_cells",
     ),
     Fault(
-        "cells that join_cells taken off twice",
+        "cells that join taken off twice",
         "src/compensator/generic/cells.h",
         "saturate(path->rest - resting_magnetisation(path, position, last));",
         "saturate(path->rest + resting_magnetisation(path, position, last));",
@@ -266,7 +266,7 @@ FAULTS = [
         "test_fixed_cells",
     ),
     Fault(
-        "cells that rejoin_group taken off twice",
+        "cells that rejoin taken off twice",
         "src/compensator/generic/cells.h",
         "saturate(\n        resting_before + between(reversal_now, path->reversal.at + row_offset(path, cells - 1)));",
         "saturate(resting_before - between(reversal_now, path->reversal.at + row_offset(path, cells - 1)));",
@@ -275,8 +275,8 @@ FAULTS = [
     Fault(
         "a cell left at the wrong sign",
         "src/compensator/generic/cells.h",
-        "  return -beyond(path, rest_position);",
-        "  return beyond(path, rest_position);",
+        "  return -cell_magnetisation(path, rest_position);",
+        "  return cell_magnetisation(path, rest_position);",
         "test_fixed_cells",
     ),
     Fault(
@@ -301,7 +301,7 @@ FAULTS = [
         "test_fixed_cells",
     ),
     Fault(
-        "the second digit spot a divide_weights forgotten",
+        "the second digit of a ratio forgotten",
         "src/control/allocation.c",
         "return anhyst_add_q31(digit * 65536, fine * 4);",
         "return digit * 65536;",

@@ -121,14 +121,14 @@ static void find_reversal_group(cell_path *path, int last)
 static number resting_magnetisation(cell_path *path, spot position, int last)
 {
   if (rested_in_this_direction(path, path->active)) {
-    return beyond(path, position);
+    return cell_magnetisation(path, position);
   }
   if (path->active >= path->prior_active) {
     find_reversal_group(path, last);
   }
   const spot rest_position = {path->reversal.at + row_offset(path, path->active - 1),
                               path->reversal.part};
-  return -beyond(path, rest_position);
+  return -cell_magnetisation(path, rest_position);
 }
 
 /* Solves the equation on the row of the moving cells, between low (on the segment of first_entry)

@@ -68,7 +68,7 @@ static inline spot locate(const cell_path *path, const entry *row, number x)
 
 /* Returns the magnetisation of a cell whose play the field has moved: the value of the next row
    minus that of the row of this position. */
-static inline number beyond(const cell_path *path, spot without)
+static inline number cell_magnetisation(const cell_path *path, spot without)
 {
   return between(without, without.at + path->stride);
 }
@@ -132,7 +132,7 @@ static number sum_resting_cells(const cell_path *path)
   number total = 0;
   for (int cell = 1; cell <= path->cells; cell++) {
     const number x = saturate(sum(resting_play(path, cell), half_width(path, cell)));
-    total = saturate(total + beyond(path, locate(path, row_of(path, cell), x)));
+    total = saturate(total + cell_magnetisation(path, locate(path, row_of(path, cell), x)));
   }
   return total;
 }
