@@ -46,7 +46,7 @@ static void tables_are_straight_between_their_entries(void)
     }
     for (int i = 0; i < count; i++) {
       int32_t rise;
-      CHECK(value(t, i * (UNIT >> n), &rise) == entries[i] * 8192);
+      CHECK(interpolate(t, i * (UNIT >> n), &rise) == entries[i] * 8192);
     }
   }
   CHECK_BELOW("table, units in the last place over the rise of a segment", worst, 1.0);

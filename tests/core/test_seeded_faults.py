@@ -177,8 +177,8 @@ FAULTS = [
     Fault(
         "the inverse of a map a step of its search short",
         "src/compensator/generic/map.h",
-        "while (above - at.index > 1U) {",
-        "while (above - at.index > 2U) {",
+        "while (above - position.index > 1U) {",
+        "while (above - position.index > 2U) {",
         "test_fixed_map",
     ),
     Fault(
@@ -198,8 +198,8 @@ FAULTS = [
     Fault(
         "a loop steeper than its map",
         "src/compensator/generic/play_block.h",
-        "if (wider > rise || -wider > rise) {",
-        "if (wider > rise) {",
+        "if (half_rise > rise || -half_rise > rise) {",
+        "if (half_rise > rise) {",
         "test_fixed_play_map",
     ),
     Fault(
@@ -212,7 +212,7 @@ FAULTS = [
     Fault(
         "a corner of the play left out",
         "src/compensator/generic/play_map.h",
-        "if (in.near->side == -ONE || in.far->side == -ONE) {",
+        "if (interval.start->side == -ONE || interval.end->side == -ONE) {",
         "if (0) {",
         "test_fixed_play_map",
     ),
@@ -226,8 +226,8 @@ FAULTS = [
     Fault(
         "an applied current that is not a number",
         "src/compensator/generic/play_map_real.h",
-        "return a >= -LARGEST && a <= LARGEST;",
-        "return a > -LARGEST || a <= LARGEST;",
+        "return a >= -MAX_ENTRY && a <= MAX_ENTRY;",
+        "return a > -MAX_ENTRY || a <= MAX_ENTRY;",
         "test_play_map_real",
     ),
     Fault(
