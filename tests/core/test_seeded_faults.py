@@ -303,7 +303,7 @@ FAULTS = [
     Fault(
         "the second digit of a ratio forgotten",
         "src/control/allocation.c",
-        "return anhyst_add_q31(digit * 65536, fine * 4);",
+        "return anhyst_add_q31(digit * 65536, second_digit * 4);",
         "return digit * 65536;",
         "test_fixed_allocation",
     ),

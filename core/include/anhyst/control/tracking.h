@@ -52,9 +52,8 @@ anhyst_status anhyst_tracking_init(anhyst_tracking *c, const anhyst_tracking_set
                                    anhyst_force_controller_f64 *drive,
                                    anhyst_biquad_state_f64 *filtered);
 
-/* Executes one tick with an error and a feedforward demand. A positive error raises the demand. An
-   error that is NaN does not change the filters. The output stays within the limits for any
-   input. */
+/* Executes one tick with a control error and a feedforward demand. An error that is NaN does not
+   change the filters. The output stays within the limits for any input. */
 anhyst_tracking_answer anhyst_tracking_tick(anhyst_tracking *c, double error, double forward);
 
 #ifdef __cplusplus
