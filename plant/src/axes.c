@@ -20,7 +20,6 @@ static double commit_f32(anhyst_force_controller_f64 *c, double applied, double 
 
 void anhyst_axes_drive_init_f32(anhyst_force_controller_f64 *c, anhyst_force_controller_f32 *force)
 {
-  /* A drive needs no other functions. */
   static const anhyst_force_method_f64 by_drive = {.solve = solve_f32, .commit = commit_f32};
   const anhyst_force_controller_f64 initial = {.method = &by_drive, .own = force};
   *c = initial;

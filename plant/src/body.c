@@ -22,7 +22,6 @@ static void cross(const double a[3], const double b[3], double result[3])
   result[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* (r - p) x d */
 static void lever_arm(const anhyst_plant_line *line, const double *pose, double result[3])
 {
   const double arm[3] = {line->r[0] - pose[0], line->r[1] - pose[1], line->r[2] - pose[2]};
@@ -198,7 +197,6 @@ static double head_position(const anhyst_plant_head *head, const anhyst_plant_st
   return head->zero + displacement_along(&head->line, pose, state->can_turn);
 }
 
-/* Sums the forces of the magnets at the present pose. */
 static inline void sum_magnet_forces(const anhyst_plant_body *body, anhyst_plant_state *state)
 {
   double *wrench = state->wrench;
@@ -333,7 +331,6 @@ void anhyst_plant_read(const anhyst_plant_body *body, anhyst_plant_state *state,
   readings->force = anhyst_plant_sensor_read(&body->force_sensor, &state->force_sensing, noise);
 }
 
-/* Steps one amplifier, its winding and its sensors. */
 static inline void step_magnet(const anhyst_plant_actuator *actuator,
                                anhyst_plant_actuator_state *state, double seconds)
 {

@@ -4,7 +4,6 @@
 #include <math.h>
 #include <stddef.h>
 
-/* The currents of a record are consecutive words. */
 #define MAGNETS (ANHYST_BUS_DRIVE_STATE - ANHYST_BUS_DRIVE_DRIVE)
 #define Q30 1073741824.0
 #define Q31 2147483648.0

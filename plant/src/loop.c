@@ -4,7 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-/* Number of columns for each shape of signal. */
 #define COUNTS(body) {1, (body)->coordinates, (body)->heads, (body)->magnets}
 
 #define ROW(name, text, unit, angular, shape, value) {text, unit, angular, ANHYST_EACH_##shape},

@@ -30,7 +30,6 @@ typedef struct {
   double mmf;    /* last solution, A */
 } cone_term;
 
-/* Data of the end of a step. */
 typedef struct {
   outer_circuit outer; /* of the iron; circuit only */
   double gap;          /* m */
@@ -39,7 +38,6 @@ typedef struct {
   double psi_start;    /* flux linkage without the terms of the end itself, Wb */
 } step_end;
 
-/* Solution at the end of a step. */
 typedef struct {
   anhyst_plant_goal goal;    /* of the iron; circuit only */
   anhyst_plant_soaked solid; /* of solid iron */
@@ -131,7 +129,6 @@ static void move_iron(const anhyst_plant_circuit *c, anhyst_plant_coil *coil, co
   }
 }
 
-/* Returns psi(current) at a gap, and its slope. */
 static double flux_linkage(const anhyst_plant_flux_table *t, double current, double gap,
                            double *slope)
 {
@@ -151,7 +148,6 @@ static double flux_linkage(const anhyst_plant_flux_table *t, double current, dou
   return copysign(begin + (column_position - (double)column) * (end - begin), current);
 }
 
-/* Returns the current with psi(current) + b*current = r. */
 static double solve_linkage(const anhyst_plant_flux_table *t, double gap, double b, double r,
                             double start)
 {

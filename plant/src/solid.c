@@ -25,7 +25,6 @@ typedef struct {
   double before[VOLUMES]; /* S_j */
 } slab_problem;
 
-/* State of the slab at one set of coordinates. */
 typedef struct {
   double field[VOLUMES];
   double density[VOLUMES];
@@ -37,30 +36,30 @@ typedef struct {
   double sheets_slope;      /* slope of the field of the laminations over the flux */
 } slab_state;
 
-static double drag_of(const slab_problem *problem, int j)
+static double drag_of(const slab_problem *slab, int j)
 {
-  return problem->solid->drag[j] * problem->asked->per_second;
+  return slab->solid->drag[j] * slab->asked->per_second;
 }
 
 /* Solves for the field of the laminations, which carry the whole flux. */
-static void solve_sheets(const slab_problem *problem, double flux, anhyst_plant_soaked *found)
+static void solve_sheets(const slab_problem *slab, double flux, anhyst_plant_soaked *found)
 {
-  anhyst_plant_field(problem->iron, problem->sheets, SHEETS_FIELD, 1.0,
-                     flux + SHEETS_FIELD * problem->sheets->field, SHEETS_TOLERANCE, NULL,
+  anhyst_plant_field(slab->iron, slab->sheets, SHEETS_FIELD, 1.0,
+                     flux + SHEETS_FIELD * slab->sheets->field, SHEETS_TOLERANCE, NULL,
                      &found->sheets);
 }
 
-static void evaluate(const slab_problem *problem, anhyst_plant_soaked *found, slab_state *state)
+static void evaluate(const slab_problem *slab, anhyst_plant_soaked *found, slab_state *state)
 {
-  const anhyst_plant_solid *solid = problem->solid;
-  const anhyst_plant_asked *asked = problem->asked;
+  const anhyst_plant_solid *solid = slab->solid;
+  const anhyst_plant_asked *asked = slab->asked;
   double flux = 0.0;
   double given = asked->r;
   int j;
   for (j = solid->volumes - 1; j >= 0; j--) {
     anhyst_plant_goal goal;
     goal.at = found->at[j];
-    problem->iron->family->look(problem->iron, &problem->volume[j], &goal);
+    slab->iron->family->look(slab->iron, &slab->volume[j], &goal);
     state->field[j] = goal.field;
     state->density[j] = goal.density;
     state->field_slope[j] = goal.field_slope;
@@ -71,14 +70,13 @@ static void evaluate(const slab_problem *problem, anhyst_plant_soaked *found, sl
   state->sheets_slope = 0.0;
   given -= asked->b * flux;
   if (solid->part < 1.0) {
-    solve_sheets(problem, flux, found);
+    solve_sheets(slab, flux, found);
     state->sheets_slope = found->sheets.field_slope / found->sheets.density_slope;
     given -= asked->a * (1.0 - solid->part) * found->sheets.field;
   }
   state->surface = given / (asked->a * solid->part);
   for (j = 0; j < solid->volumes; j++) {
-    state->residual[j] = state->field[j] +
-                         drag_of(problem, j) * (state->flux[j] - problem->before[j]) -
+    state->residual[j] = state->field[j] + drag_of(slab, j) * (state->flux[j] - slab->before[j]) -
                          (j > 0 ? state->field[j - 1] : state->surface);
   }
 }
@@ -86,10 +84,10 @@ static void evaluate(const slab_problem *problem, anhyst_plant_soaked *found, sl
 /* Computes the Newton step of all coordinates: a ladder network, whose response to the outer field
    is computed from the middle outwards. Returns the largest change of a volume's share in the flux
    density. */
-static double newton_step(const slab_problem *problem, const slab_state *state, double *step)
+static double newton_step(const slab_problem *slab, const slab_state *state, double *step)
 {
-  const anhyst_plant_solid *solid = problem->solid;
-  const anhyst_plant_asked *asked = problem->asked;
+  const anhyst_plant_solid *solid = slab->solid;
+  const anhyst_plant_asked *asked = slab->asked;
   const int last = solid->volumes - 1;
   double admittance[VOLUMES]; /* of the flux in a volume and all deeper ones, over the field of the
                                  volume */
@@ -102,17 +100,17 @@ static double newton_step(const slab_problem *problem, const slab_state *state, 
   for (j = last; j >= 0; j--) {
     admittance[j] =
         admittance_inside + solid->share[j] * state->density_slope[j] / state->field_slope[j];
-    admittance_inside = admittance[j] / (1.0 + drag_of(problem, j) * admittance[j]);
-    source[j] = source[j + 1] -
-                admittance_inside * (drag_of(problem, j) * source[j + 1] + state->residual[j]);
+    admittance_inside = admittance[j] / (1.0 + drag_of(slab, j) * admittance[j]);
+    source[j] =
+        source[j + 1] - admittance_inside * (drag_of(slab, j) * source[j + 1] + state->residual[j]);
   }
   outside =
       (asked->a * (1.0 - solid->part) * state->sheets_slope + asked->b) / (asked->a * solid->part);
   outside *= -source[0] / (1.0 + outside * admittance_inside);
   for (j = 0; j <= last; j++) {
     double change;
-    outside -= drag_of(problem, j) * source[j + 1] + state->residual[j];
-    outside /= 1.0 + drag_of(problem, j) * admittance[j];
+    outside -= drag_of(slab, j) * source[j + 1] + state->residual[j];
+    outside /= 1.0 + drag_of(slab, j) * admittance[j];
     step[j] = outside / state->field_slope[j];
     change = fabs(solid->share[j] * state->density_slope[j] * step[j]);
     max_change = change > max_change ? change : max_change;
@@ -122,22 +120,22 @@ static double newton_step(const slab_problem *problem, const slab_state *state, 
 
 /* Returns the slope of the minimised function along the line from one set of fluxes to the
    other. */
-static double directional_slope(const slab_problem *problem, const slab_state *at,
+static double directional_slope(const slab_problem *slab, const slab_state *at,
                                 const slab_state *from, const slab_state *to)
 {
   double residual = 0.0;
   double sum = 0.0;
   int j;
-  for (j = 0; j < problem->solid->volumes; j++) {
+  for (j = 0; j < slab->solid->volumes; j++) {
     residual += at->residual[j];
-    sum += problem->solid->share[j] * residual * (to->density[j] - from->density[j]);
+    sum += slab->solid->share[j] * residual * (to->density[j] - from->density[j]);
   }
   return sum;
 }
 
 /* Moves along a step: to its end if it is the last one; otherwise halves it until the slope has not
    reversed to more than half its initial size. */
-static void advance(const slab_problem *problem, const double *step, int is_last,
+static void advance(const slab_problem *slab, const double *step, int is_last,
                     anhyst_plant_soaked *found, slab_state *state)
 {
   double start[VOLUMES];
@@ -145,17 +143,17 @@ static void advance(const slab_problem *problem, const double *step, int is_last
   slab_state next;
   int i;
   int j;
-  for (j = 0; j < problem->solid->volumes; j++) {
+  for (j = 0; j < slab->solid->volumes; j++) {
     start[j] = found->at[j];
   }
   memset(&next, 0, sizeof next);
   for (i = 0; i < MAX_BISECTIONS; i++) {
-    for (j = 0; j < problem->solid->volumes; j++) {
+    for (j = 0; j < slab->solid->volumes; j++) {
       found->at[j] = start[j] + part * step[j];
     }
-    evaluate(problem, found, &next);
-    if (is_last || directional_slope(problem, &next, state, &next) <=
-                       -0.5 * directional_slope(problem, state, state, &next)) {
+    evaluate(slab, found, &next);
+    if (is_last || directional_slope(slab, &next, state, &next) <=
+                       -0.5 * directional_slope(slab, state, state, &next)) {
       break;
     }
     part *= 0.5;
@@ -167,7 +165,7 @@ void anhyst_plant_soak(const anhyst_plant_iron *iron, const anhyst_plant_solid *
                        const anhyst_plant_memory *volume, const anhyst_plant_memory *sheets,
                        const anhyst_plant_asked *asked, anhyst_plant_soaked *found)
 {
-  slab_problem problem = {iron, solid, volume, sheets, asked, {0.0}};
+  slab_problem slab = {iron, solid, volume, sheets, asked, {0.0}};
   double step[VOLUMES];
   double flux = 0.0;
   double max_change = HUGE_VAL;
@@ -176,17 +174,17 @@ void anhyst_plant_soak(const anhyst_plant_iron *iron, const anhyst_plant_solid *
   int j;
   for (j = solid->volumes - 1; j >= 0; j--) {
     flux += solid->share[j] * volume[j].density;
-    problem.before[j] = flux;
+    slab.before[j] = flux;
     found->at[j] = volume[j].at + volume[j].stride;
   }
   memset(&state, 0, sizeof state);
-  evaluate(&problem, found, &state);
+  evaluate(&slab, found, &state);
   for (i = 0; i < MAX_STEPS && max_change > FLUX_TOLERANCE; i++) {
-    max_change = newton_step(&problem, &state, step);
-    advance(&problem, step, max_change <= FLUX_TOLERANCE, found, &state);
+    max_change = newton_step(&slab, &state, step);
+    advance(&slab, step, max_change <= FLUX_TOLERANCE, found, &state);
   }
   if (!(solid->part < 1.0)) {
-    solve_sheets(&problem, state.flux[0], found);
+    solve_sheets(&slab, state.flux[0], found);
   }
   found->density = state.flux[0];
   found->field = solid->part * state.surface + (1.0 - solid->part) * found->sheets.field;

@@ -212,7 +212,7 @@ FAULTS = [
     Fault(
         "a corner of the play left out",
         "src/compensator/generic/play_map.h",
-        "if (interval.start->side == -ONE || interval.end->side == -ONE) {",
+        "if (span.start->side == -ONE || span.end->side == -ONE) {",
         "if (0) {",
         "test_fixed_play_map",
     ),

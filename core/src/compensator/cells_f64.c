@@ -13,7 +13,6 @@
 
 static const anhyst_kernel_f64 kernel_solid;
 
-/* Returns the kernel for a block with or without layers. */
 static const anhyst_kernel_f64 *kernel_for_block(const entry *words)
 {
   return layers_of(words) > 0 ? &kernel_solid : &anhyst_kernel_cells_f64;

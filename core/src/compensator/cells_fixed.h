@@ -13,13 +13,11 @@ typedef anhyst_spot spot; /* a position on a table row */
 #define FIELD_MIN (-ANHYST_Q30_ONE)
 #define WHOLE_SEGMENT 0x8000 /* as a part */
 
-/* 2^-n */
 #define POWER_OF_HALF(n) (ANHYST_Q30_ONE >> (n))
 
 /* A quarter of the largest residual that rounding alone can cause. */
 #define RESIDUAL_DEADBAND 32
 
-/* Converts a word of a block that is an integer. */
 static inline int integer_of(entry word) { return word; }
 
 /* Returns a, or -1 - a for a mirror of -1, because -a could leave the range. */
@@ -33,7 +31,6 @@ static inline number clamped(number a, number low, number high)
   return anhyst_clamp(a, low, high);
 }
 
-/* Returns whether -half <= x < half. */
 static inline int is_around_zero(number x, number half)
 {
   return (uint32_t)x + (uint32_t)half < 2U * (uint32_t)half;
@@ -53,15 +50,10 @@ static inline number unsafe_difference(number a, number b)
   return (number)((uint32_t)a - (uint32_t)b);
 }
 
-/* Returns a times a weight. */
 static inline number scaled(number a, entry weight) { return anhyst_scale(a, weight); }
-
 static inline number quarter(number a) { return a >> 2; }
 static inline number four_times(number a) { return anhyst_shl_q31(a, 2); }
-
-/* Converts a q15 word. */
 static inline number word_value(entry word) { return (number)word * 32768; }
-
 static inline number value_at(spot at) { return anhyst_value_at(at); }
 
 /* Returns the value of another row minus the value of this row at the same position. Requires that
@@ -73,9 +65,7 @@ static inline number between(spot position, const entry *other)
   return low * 32768 + (high - low) * position.part;
 }
 
-/* Returns the grid with segments of width 2^-halvings. */
 static inline grid grid_from_halvings(unsigned halvings) { return 15U - halvings; }
-
 static inline number width_of(grid width) { return (number)((uint32_t)0x8000 << width); }
 
 /* Returns the field at a number of segments from zero. */
@@ -99,14 +89,12 @@ static inline number segment_begin(number x, grid width)
   return (number)((uint32_t)(x >> width >> 15) << 15 << width);
 }
 
-/* Returns the position of x on its segment. */
 static inline number part_at(number x, number begin, grid width)
 {
   (void)begin;
   return (x >> width) & 0x7FFF;
 }
 
-/* Returns the field at a position on a segment. */
 static inline number field_at_part(number begin, grid width, number part)
 {
   return (number)((uint32_t)begin + ((uint32_t)part << width));
@@ -124,7 +112,6 @@ static inline number divide_to_part(number residual, number rise)
   return limit_part(top / bottom);
 }
 
-/* Returns the rise up to a position on the segment. */
 static inline number rise_at_part(number rise, number part)
 {
   return 2 * anhyst_scale(rise, (int16_t)part);
@@ -132,7 +119,6 @@ static inline number rise_at_part(number rise, number part)
 
 /* Segment of a trial step: whether it is known, its width, and its lower end. */
 static inline int has_segment(const candidate *at) { return at->of.cells.fineness - 1U < 15U; }
-
 static inline grid candidate_grid(const candidate *at) { return at->of.cells.fineness; }
 
 static inline number candidate_begin(const candidate *at, number x)
@@ -150,10 +136,8 @@ static inline void set_segment(candidate *at, const entry *words, int segment, n
   at->of.cells.rise = (int16_t)(words[segment + 1] - words[segment]);
 }
 
-/* Returns a quarter of the rise of the row on the segment of a trial step. */
 static inline number quarter_rise(const candidate *at) { return (number)at->of.cells.rise * 8192; }
 
-/* Returns whether a field is below another one only by rounding. */
 static inline int is_rounding(number above, number below, grid width)
 {
   return (uint32_t)above - (uint32_t)below <= (uint32_t)4 << width;
@@ -166,7 +150,6 @@ static inline int is_flux_valid(number flux)
   return 1;
 }
 
-/* Returns a limit of the current in units of the inner current. */
 static inline number inner_limit(const entry *words, int word)
 {
   return word_value(words[word]) >> words[ANHYST_WORD_CURRENT_SHIFT];
@@ -189,7 +172,6 @@ static inline number inner_limit(const entry *words, int word)
 
 static inline int is_weight_positive(entry word) { return word > 0; }
 
-/* Interpolates between low and high at the position numerator/denominator. */
 static inline number interpolate_line(number low, number high, number numerator, number denominator)
 {
   return low + anhyst_share(saturate(high - low), anhyst_ratio(numerator, denominator));
@@ -214,13 +196,11 @@ static inline number read_hold_slope(const entry *words)
   return (number)words[ANHYST_WORD_SOLID_HOLD] << words[ANHYST_WORD_SOLID_HOLD_SHIFT];
 }
 
-/* Returns the share of each inner layer. */
 static inline entry inner_share(entry surface, int layers)
 {
   return (entry)((32768 - surface) / layers);
 }
 
-/* Returns a times a share of 0..1. */
 static inline number multiply_by_share(number a, entry part)
 {
   return anhyst_shl_q31(anhyst_scale(a, part), 1);
@@ -240,7 +220,6 @@ static number multiply_by_slope(number a, number slope)
   return anhyst_scale(a, weight) >> (up - 16U);
 }
 
-/* Returns the field of a flux in its own layer. */
 static inline number own_field(number flux, number own)
 {
   return anhyst_shl_q31(anhyst_scale(flux, (int16_t)(own >> 2)), 2);
@@ -266,7 +245,6 @@ static inline number law_stiffness(number width, number rise, number own)
 
 static inline number absolute(number a) { return anhyst_abs_q31(a); }
 
-/* Returns the slope between two positions. Requires run != 0. */
 static inline number secant(number rise, number run)
 {
   const int32_t found = anhyst_quotient(anhyst_abs_q31(rise), anhyst_abs_q31(run));
@@ -282,26 +260,22 @@ static inline number divide_slope_by_share(number stiff, entry share)
   return found > 0 ? found : 1;
 }
 
-/* Returns 1/(field arm*(1 - laminated)). */
 static inline number slope_of_arm(entry field_arm, entry laminated)
 {
   const int32_t arm = ((int32_t)field_arm * (32768 - laminated)) >> 15;
   return anhyst_quotient(65536, arm > 0 ? arm : 1);
 }
 
-/* Returns the ratio of two weights above 0 as a slope. */
 static inline number divide_weights(int32_t numerator, int32_t denominator)
 {
   return anhyst_quotient(numerator, denominator);
 }
 
-/* Returns a slope divided by the part of the path that is not laminated. */
 static inline number divide_slope_by_solid_part(number slope, entry laminated)
 {
   return anhyst_quotient(slope, 2 * (32768 - (int32_t)laminated));
 }
 
-/* Returns part/(part + other) for two slopes. */
 static inline entry slope_share(number part, number other)
 {
   return anhyst_sat_q15(anhyst_quotient(part, anhyst_add_q31(other, part)) >> 1);

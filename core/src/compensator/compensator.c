@@ -43,20 +43,15 @@ static int16_t over_gap(gap_position position, int16_t first)
 
 static int32_t bias_of(int16_t over_gap) { return (int32_t)over_gap * 16384; }
 
-/* Limits a bias to the range that a law accepts. */
 static int32_t limit_bias(int32_t bias)
 {
   return anhyst_clamp(bias, -(ANHYST_Q30_ONE / 2), ANHYST_Q30_ONE / 2);
 }
 
 static int16_t add_arms(int16_t a, int16_t b) { return anhyst_add_q15(a, b); }
-
 static int32_t product(int32_t a, int16_t weight) { return anhyst_scale(a, weight); }
-
 static int32_t add(int32_t a, int32_t b) { return anhyst_add_q31(a, b); }
-
 static int32_t subtract(int32_t a, int32_t b) { return anhyst_sub_q31(a, b); }
-
 static int32_t word_to_signal(int16_t word) { return (int32_t)word * 65536; }
 
 static int is_finite(int32_t a)
@@ -121,7 +116,6 @@ static int32_t to_inner_flux(const int16_t *words, int32_t flux)
   return anhyst_shl_q31(flux, (uint16_t)words[ANHYST_WORD_FLUX_SHIFT]);
 }
 
-/* Returns the output above the offset for a flux. */
 static int32_t flux_to_output(const int16_t *words, int32_t flux, gap_position position)
 {
   /* The shift comes first because the quotient alone may exceed 32 bits. */

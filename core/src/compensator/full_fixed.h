@@ -26,7 +26,6 @@ typedef int32_t slope;
 typedef int16_t candidate_slope;
 typedef int32_t mirror_type; /* -1: the path falls, 0: it rises */
 
-/* A table over 0..1. */
 typedef struct {
   const entry *at;
   uint16_t n; /* number of segments is 2^n */
@@ -53,12 +52,10 @@ static inline decay_rate read_decay_rate(const entry *words)
 
 /* Convert a q30 to an internal number, and back. */
 static inline number to_inner(number a) { return a >> 2; }
-
 static inline number to_memory(number a) { return a * 4; }
 
 static inline number to_outer(number a) { return anhyst_shl_q31(a, 2); } /* saturates */
 
-/* Saturates to -1..1. */
 static inline number limit_to_unit(number a) { return anhyst_sat_q28(a); }
 
 static inline number clamped(number a, number low, number high)
@@ -67,7 +64,6 @@ static inline number clamped(number a, number low, number high)
 }
 
 static inline number absolute(number a) { return a < 0 ? -a : a; }
-
 static inline mirror_type mirror_for(int is_falling) { return is_falling ? -1 : 0; }
 
 /* Converts a number to the direction of a rising path. Uses -1 - a for -a, because -a could leave
@@ -78,12 +74,8 @@ static inline number mirrored(number a, mirror_type mirror)
 }
 
 static inline int is_residual(number residual) { return absolute(residual) > RESIDUAL_DEADBAND; }
-
-/* Return a times a weight, and a times a q15. */
 static inline number scaled(number a, entry weight) { return anhyst_scale(a, weight); }
-
 static inline number multiply_by_part(number a, entry part) { return anhyst_scale(a, part) * 2; }
-
 static inline number half(number a) { return a >> 1; }
 
 /* Interpolates a table at 0 <= u < 1, q28; *rise is the rise of the segment, q15. */
@@ -96,7 +88,6 @@ static inline number interpolate(table t, number u, number *rise)
   return low * 8192 + *rise * (scaled_u & 8191);
 }
 
-/* Converts the rise of a segment of the curve to a slope. */
 static inline slope slope_of(table curve, number rise)
 {
   return (int32_t)((uint32_t)rise << curve.n) >> 5;
@@ -111,13 +102,11 @@ static inline number along_slope(number step, slope a)
   return anhyst_scale(step, (int16_t)a) * 64;
 }
 
-/* Returns air + iron*m_slope, a weight. */
 static inline number slope_of_sum(number air, entry iron, slope m_slope)
 {
   return air + (((int32_t)iron * m_slope) >> 10);
 }
 
-/* Returns y_slope + part*(x_slope - y_slope). */
 static inline slope mixed_slope(slope y_slope, slope x_slope, entry part)
 {
   return y_slope + (((x_slope - y_slope) * part) >> 15);
@@ -201,7 +190,6 @@ static inline number kappa_of(entry steepness)
   return steepness > 256 ? UNIT / steepness * 256 : UNIT;
 }
 
-/* Returns a*share for a share of 0..1. */
 static inline number multiply_by_share(number a, number share)
 {
   return anhyst_scale(a, anhyst_sat_q15(share >> 13)) * 2;
@@ -210,12 +198,9 @@ static inline number multiply_by_share(number a, number share)
 /* Converts a number of -2..2 to a weight of a quarter of its size; returns a part of such a
    weight. */
 static inline entry lead_of(number a) { return anhyst_sat_q15((0x2000 + a) >> 14); }
-
 static inline number lead_part(number part, entry lead) { return anhyst_scale(part, lead) * 4; }
-
 static inline number bounded(number a) { return anhyst_sat_q28(a); }
 
-/* Returns the limit of the current at this word of the block as an internal number. */
 static inline number current_limit(const entry *words, int16_t word)
 {
   return ((int32_t)words[word] * 8192) >> (uint16_t)words[ANHYST_WORD_CURRENT_SHIFT];

@@ -41,7 +41,6 @@ static inline table_position locate_force(const map_type *map, number force)
 }
 
 static inline size_t columns_of(const map_type *map) { return (size_t)1U << map->force_segments; }
-
 static inline size_t rows_of(const map_type *map) { return (size_t)1U << map->gap_segments; }
 
 /* Returns the force at a position. */

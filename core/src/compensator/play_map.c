@@ -17,11 +17,8 @@ static int is_finite(number a)
 }
 
 static number absolute(number a) { return anhyst_abs_q31(a); }
-
 static number add(number a, number b) { return anhyst_add_q31(a, b); }
-
 static number subtract(number a, number b) { return anhyst_sub_q31(a, b); }
-
 static number limit(number a, number low, number high) { return anhyst_clamp(a, low, high); }
 
 /* Limits a demand to the forces of the map, which start at 0; the largest code is the last

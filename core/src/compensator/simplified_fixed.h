@@ -23,8 +23,6 @@ static inline number sum(number a, number b) { return anhyst_add_q31(a, b); }
 static inline number difference(number a, number b) { return anhyst_sub_q31(a, b); }
 static inline number absolute(number a) { return anhyst_abs_q31(a); }
 static inline number clamp(number a, number low, number high) { return anhyst_clamp(a, low, high); }
-
-/* Returns a times a weight, rounded down. */
 static inline number scaled(number a, entry weight) { return anhyst_scale(a, weight); }
 
 /* Converts a weight of the block. */
@@ -100,7 +98,6 @@ static inline number newton_step(number residual, number slope)
 typedef anhyst_spot spot; /* a position in the table */
 
 static inline number value_at(spot at) { return anhyst_value_at(at); }
-
 static inline number word_value(entry word) { return (number)word * 32768; }
 
 /* Returns the position on a segment where its line has risen by this amount, q15 in 0..1, rounded

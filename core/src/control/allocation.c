@@ -5,7 +5,6 @@
 #include "anhyst/numeric/q31.h"
 
 static int is_force_valid(int32_t a) { return a > 0; }
-
 static int32_t half(int32_t a) { return a >> 1; }
 
 /* Returns a*b, rounded down, with an error below 4 LSB. Requires a >= 0 and b >= 0. */

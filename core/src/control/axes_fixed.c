@@ -8,7 +8,6 @@
 #include "limits.h"
 
 static int is_number(int32_t a) { return a != ANHYST_Q31_MIN; }
-
 static int is_measured(int32_t a) { return is_number(a); }
 
 static int are_rows_valid(anhyst_rows_q31 rows, uint16_t count, uint16_t length)

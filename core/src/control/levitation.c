@@ -34,7 +34,6 @@ void anhyst_levitation_start(anhyst_levitation *levitation)
   levitation->begins = 0;
 }
 
-/* Moves a number towards another one by at most a step. */
 static int32_t step_towards(int32_t from, int32_t to, int32_t step)
 {
   return anhyst_clamp(to, anhyst_sub_q31(from, step), anhyst_add_q31(from, step));
@@ -51,7 +50,6 @@ static int is_plausible(const anhyst_levitation *l, int32_t step, int32_t positi
   return anhyst_abs_q31(anhyst_sub_q31(position, l->position)) <= step * ticks;
 }
 
-/* Returns the fault of this sample, or none. */
 static uint16_t find_fault(const anhyst_levitation *l, const anhyst_levitation_limits *limits,
                            const anhyst_levitation_input *input)
 {

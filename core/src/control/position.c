@@ -38,7 +38,6 @@ static int is_number(int32_t a)
 }
 
 static int32_t half(int32_t a) { return a >> 1; }
-
 static int32_t clamp(int32_t a, int32_t low, int32_t high) { return anhyst_clamp(a, low, high); }
 
 static int32_t position_to_gap(const anhyst_gap_line_q31 *line, int32_t position)
@@ -47,10 +46,8 @@ static int32_t position_to_gap(const anhyst_gap_line_q31 *line, int32_t position
   return anhyst_add_q31(line->offset, part);
 }
 
-/* Returns high - low for low <= high, which may exceed an int32_t. */
 static uint32_t distance(int32_t low, int32_t high) { return (uint32_t)high - (uint32_t)low; }
 
-/* Rounds a current within the limits to the nearest value of the converter. */
 static int32_t round_to_grid(const anhyst_position_limits_q31 *limits, int32_t current)
 {
   const uint32_t step = (uint32_t)limits->current_step;

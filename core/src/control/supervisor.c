@@ -85,7 +85,6 @@ static int is_allowed(const anhyst_supervisor *s, uint16_t command, const anhyst
   }
 }
 
-/* Returns whether a command starts something that requires zero current. */
 static int requires_zero_current(uint16_t command)
 {
   return command == ANHYST_COMMAND_CONDITION || command == ANHYST_COMMAND_DEMAGNETISED ||

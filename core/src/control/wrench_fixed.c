@@ -23,7 +23,6 @@ typedef struct {
 } wrench_search;
 
 static int has_bit(uint32_t set, int j) { return (int)(set >> j & 1U); }
-
 static int is_unit(const anhyst_wrench_q31 *w, int j) { return (int)w->layout->against[j] >= j; }
 
 static int is_unit_lost(const anhyst_wrench_q31 *w, int j)
@@ -215,7 +214,6 @@ static int fix_at_bounds(const anhyst_wrench_q31 *w, wrench_search *s, int has_m
   return find_largest_excess(excess, drives) < 0;
 }
 
-/* Sets the forces of the drives of a unit. */
 static void set_drive_forces(const anhyst_wrench_q31 *w, const wrench_search *s, int j,
                              int32_t *force)
 {

@@ -6,7 +6,6 @@
 #include "cell_shape.h"
 #include "cell_table.h"
 
-/* Constant data of a record. */
 typedef struct {
   const anhyst_cells_f64 *cells;
   const anhyst_cell_weights_f64 *weights;
@@ -42,7 +41,6 @@ static int count_moving_cells(const anhyst_cells_state_f64 *state)
   return state->active > 1 ? state->active : 1;
 }
 
-/* Sums the derivatives of all cells at rest. */
 static void sum_resting_cells(const problem *s, const anhyst_cells_state_f64 *state,
                               const double *numbers_t, double *rest)
 {

@@ -5,7 +5,6 @@
 
 #include "anhyst/law/cells.h"
 
-/* Value, first and second derivative. */
 typedef struct {
   double f, f1, f2;
 } cell_jet;

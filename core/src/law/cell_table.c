@@ -67,7 +67,6 @@ static void find_widths(const anhyst_cell_weights_f64 *w, double *narrowest, dou
   }
 }
 
-/* Returns the distance of a position from the interval. */
 static double distance(double place, double low, double high)
 {
   return place < low ? low - place : (place > high ? place - high : 0.0);
@@ -158,7 +157,6 @@ anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_we
   return ANHYST_OK;
 }
 
-/* Evaluates all rows at one field. */
 static void evaluate_rows(const anhyst_cell_weights_f64 *w, double x, cell_jet *rows)
 {
   cell_jet sum = {0.0, 0.0, 0.0};

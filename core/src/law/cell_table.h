@@ -8,7 +8,6 @@
 
 #include "anhyst/law/cells.h"
 
-/* Value of a row and its first three derivatives. */
 typedef struct {
   double value, slope, curve, third;
 } cell_sum;

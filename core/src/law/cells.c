@@ -88,7 +88,6 @@ static void store_candidate(const path *p, double x, const cell_sum *at, double 
   candidate->active = p->active;
 }
 
-/* Returns the residual that rounding alone can cause. */
 static double rounding(const path *p, double x)
 {
   return 4.0 * DBL_EPSILON * (fabs(x) + fabs(p->target) + fabs(p->omega) * p->cells->saturation);
@@ -167,7 +166,6 @@ static anhyst_status solve_rising(path *p, double steepest, anhyst_cells_candida
   }
 }
 
-/* Returns the next node of the tables after x. */
 static double next_node(const anhyst_cells_f64 *cells, double x)
 {
   const uint64_t bits = cell_position_bits(cells, x);
@@ -306,7 +304,6 @@ void anhyst_cells_accept_f64(const anhyst_cells_f64 *cells, anhyst_cells_state_f
   state->active = candidate->active;
 }
 
-/* Limits value to low..high; returns low for NaN. */
 static double limit(double value, double low, double high)
 {
   const double above = value > low ? value : low;

@@ -9,7 +9,6 @@
 typedef struct {
   /* Returns whether the parameters of this method are in their ranges. */
   int (*is_valid)(const anhyst_operator_f64 *law);
-  /* Returns an upper bound of dm/dx. */
   double (*steepest)(const anhyst_operator_f64 *law);
   /* Returns the irreversible part at p, after the crossing of the anhysteretic curve, with pull =
      L(p) and slope = L'(p). Sets *y_slope, which was zero, to dy/dp. */
@@ -24,7 +23,6 @@ extern const anhyst_lag anhyst_lag_1986;
    curve. */
 double anhyst_lag_straight(const anhyst_operator_f64 *law);
 
-/* Finds the departure of the irreversible part. */
 void anhyst_path_depart(anhyst_path_f64 *path);
 
 #endif

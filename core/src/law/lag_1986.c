@@ -19,7 +19,6 @@ static double steepest(const anhyst_operator_f64 *law)
   return law->eps > 0.0 ? 1.0 / (3.0 - law->eps) : 1.0 / 3.0;
 }
 
-/* Returns dy/dp at (p, y) in the direction of travel. */
 static double slope_at(const anhyst_path_f64 *path, double p, double y)
 {
   double slope;

@@ -39,7 +39,6 @@ typedef struct {
   double stiffness[ANHYST_MEMORIES_MAX]; /* dH/dB of each field */
 } layer_problem;
 
-/* Returns the first section whose flux is unknown. */
 static int first_unknown(const layer_problem *problem) { return problem->flux_given ? 1 : 0; }
 
 /* Solves for the field of a flux density in one layer, or in the laminated part. */

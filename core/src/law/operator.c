@@ -7,7 +7,6 @@
 
 #include "lag.h"
 
-/* Returns the method for the step of a law. */
 static const anhyst_lag *lag_of(const anhyst_operator_f64 *law)
 {
   if (law->step == ANHYST_STEP_EXACT) {

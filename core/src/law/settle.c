@@ -29,7 +29,6 @@ static void extrapolate(const anhyst_iron_f64 *iron, const double *const ends[3]
   }
 }
 
-/* Returns whether every number of a state has returned. */
 static int is_periodic(int count, const double *before, const double *after, double tol)
 {
   for (int i = 0; i < count; i++) {

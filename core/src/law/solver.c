@@ -22,7 +22,6 @@ static double residual(path_search *search, double x, anhyst_answer_f64 *at)
   return x + search->omega * at->m - search->r;
 }
 
-/* Returns the residual that rounding alone can cause. */
 static double rounding_error(const path_search *search, const anhyst_answer_f64 *at)
 {
   return 4.0 * DBL_EPSILON * (fabs(at->state.x) + fabs(search->omega * at->m) + fabs(search->r));

@@ -51,7 +51,6 @@ typedef struct {
 void anhyst_piezo_advance(const anhyst_piezo *piezo, anhyst_piezo_state *state, double command,
                           double load);
 
-/* Inputs of one tick. */
 typedef struct {
   double wanted;   /* feedforward displacement, m */
   double expected; /* displacement that is expected at present, m */
@@ -59,7 +58,6 @@ typedef struct {
   double load;     /* from this tick to the next, m */
 } anhyst_piezo_event;
 
-/* A stage and its controller. */
 typedef struct {
   const anhyst_piezo *piezo;
   anhyst_tracking *controller; /* of one drive, from displacement to voltage */

@@ -6,7 +6,6 @@
 
 #include "anhyst_plant/iron.h"
 
-/* Maximum number of iterations. */
 #define ANHYST_PLANT_MAX_ITERATIONS 100
 /* Iterations before the bracket is halved: if a field has folds, tangents may not converge. */
 #define ANHYST_PLANT_NEWTON_ITERATIONS 30

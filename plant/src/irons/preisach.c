@@ -4,7 +4,6 @@
 
 #include "anhyst_plant/search.h"
 
-/* Position of an effective field between the nodes. */
 typedef struct {
   int node;     /* index of the node below, not the last one */
   double share; /* position between the two nodes, 0..1 */

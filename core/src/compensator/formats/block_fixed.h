@@ -22,13 +22,11 @@ static inline uint16_t bits_of(entry word, uint16_t half)
   return (uint16_t)word;
 }
 
-/* Returns whether a word is an integer in low..high. */
 static inline int is_integer(entry word, int32_t low, int32_t high)
 {
   return word >= low && word <= high;
 }
 
-/* Returns whether a word is this unsigned integer. */
 static inline int is_unsigned(entry word, uint16_t value) { return (uint16_t)word == value; }
 
 /* Returns whether an entry of a table differs from the entry before by at most MAX_ENTRY. */
@@ -38,7 +36,6 @@ static inline int is_entry_valid(entry word, entry before)
   return change <= MAX_ENTRY && change >= -MAX_ENTRY;
 }
 
-/* Returns the 32 bits of a number of two words. */
 static inline uint32_t read_double_word(const entry *words, int16_t word)
 {
   return (uint32_t)(uint16_t)words[word] | ((uint32_t)(uint16_t)words[word + 1] << 16);

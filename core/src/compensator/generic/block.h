@@ -36,7 +36,6 @@ static int is_head_valid(const entry *words, uint32_t capacity, uint16_t kind)
          (uint32_t)block_length(words) <= capacity && is_unsigned(words[ANHYST_WORD_KIND], kind);
 }
 
-/* Returns whether two words are a lower and an upper limit within full scale. */
 static int are_limits_valid(const entry *words, int16_t low, int16_t high)
 {
   return is_in_range(words[low], -ENTRY_ONE, words[high]) &&

@@ -9,7 +9,6 @@ static inline int32_t block_length(const entry *words)
   return (int32_t)words[ANHYST_WORD_LENGTH];
 }
 
-/* Returns whether low <= word <= high. */
 static inline int is_in_range(entry word, entry low, entry high)
 {
   return word >= low && word <= high;

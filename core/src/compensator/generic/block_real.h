@@ -24,7 +24,6 @@ static inline uint16_t bits_of(entry word, uint16_t half)
   return (uint16_t)(both.bits >> (16U * half));
 }
 
-/* Returns whether a word is an integer in low..high. */
 static inline int is_integer(entry word, int32_t low, int32_t high)
 {
   return word >= (entry)low && word <= (entry)high && word == (entry)(int32_t)word;
@@ -48,7 +47,6 @@ static inline int is_entry_valid(entry word, entry before)
   return word >= -MAX_ENTRY && word <= MAX_ENTRY;
 }
 
-/* Returns whether a single in 2^-60..2^60 starts at this word. */
 static inline int is_single(const entry *words, int32_t word)
 {
   return words[word] >= (entry)8.67361738e-19 && words[word] <= (entry)1.152921504606847e18 &&

@@ -33,7 +33,7 @@ typedef struct {
 } equation;
 
 /* Returns h*x + m, divided by 4. Requires |x| <= 1. */
-static inline number flux_of_field(const equation *eq, number x, number m)
+static inline number flux_at(const equation *eq, number x, number m)
 {
   return quarter(m) + scaled(x, eq->air);
 }
@@ -44,7 +44,6 @@ static inline number current_without_bias(const arms_type *arms, number flux, nu
   return scaled(flux, arms->flux_arm) + quarter(scaled(x, arms->field_arm));
 }
 
-/* Returns the left side of the equation, divided by 4. */
 static inline number left_side(const equation *eq, number flux, number x)
 {
   return eq->arms == 0 ? flux : current_without_bias(eq->arms, flux, x);
@@ -53,10 +52,9 @@ static inline number left_side(const equation *eq, number flux, number x)
 /* Returns the target minus the left side at a field and a magnetisation. */
 static inline number residual_at(const equation *eq, number x, number m)
 {
-  return eq->target - left_side(eq, flux_of_field(eq, x, m), x);
+  return eq->target - left_side(eq, flux_at(eq, x, m), x);
 }
 
-/* Returns the field at the lower end of a segment. */
 static number segment_field(const cell_path *path, int segment)
 {
   const int from_centre = segment - path->zero_index;
@@ -77,7 +75,7 @@ static inline number solve_segment(const equation *eq, const entry *segment, gri
 {
   const number size = width_of(width);
   const number m = word_value(segment[1]) - word_value(segment[0]);
-  const number rise = left_side(eq, flux_of_field(eq, size, m), size);
+  const number rise = left_side(eq, flux_at(eq, size, m), size);
   if (residual >= rise) {
     return WHOLE_SEGMENT;
   }
@@ -246,7 +244,6 @@ static number follow_path(cell_path *path, const equation *eq, spot begin, int l
   return next_join;
 }
 
-/* Reverses a path: all cells except cell 0 come to rest. */
 static void reverse_path(cell_path *path, spot position)
 {
   const spot first = {position.at - row_offset(path, path->active - 1), position.part};

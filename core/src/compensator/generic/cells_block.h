@@ -27,7 +27,6 @@ static void store_plays(const entry *words, const cells_memory *from, number *pl
   }
 }
 
-/* Returns the rise of a row on a segment. */
 static inline number row_rise(const entry *segment)
 {
   return word_value(segment[1]) - word_value(segment[0]);
@@ -104,7 +103,6 @@ static int does_sum_rise(const entry *words, entry flux_arm, entry field_arm)
   return 1;
 }
 
-/* Returns whether the current rises with the field at every gap. */
 static int does_current_rise(const entry *words)
 {
   const entry *flux_arm = words + integer_of(words[ANHYST_WORD_GAP_FLUX_ARM]);

@@ -73,7 +73,6 @@ static inline number cell_magnetisation(const cell_path *path, spot without)
   return between(without, without.at + path->stride);
 }
 
-/* Returns the play of a cell at rest. */
 static inline number resting_play(const cell_path *path, int cell)
 {
   if (cell < path->prior_active) {
@@ -96,7 +95,6 @@ static inline number rest_field(const cell_path *path, int cell)
   return saturate(difference(resting_play(path, cell), half_width(path, cell)));
 }
 
-/* Sets the rows of a block and the thresholds of its cells. */
 static inline void read_rows(cell_path *path, const entry *words)
 {
   const unsigned bits = (unsigned)integer_of(words[ANHYST_WORD_CELLS_SEGMENTS]);

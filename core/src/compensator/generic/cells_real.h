@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Arithmetic of the play-cell law in floating point, for generic/cells.h. Fields, plays and
-   magnetisations are fractions on a grid of 2*NUMBER_EPS. Sums and differences of two of them are
-   exact. Therefore, no errors accumulate in the sum of the cells at rest. */
+/* Arithmetic of the play-cell law in floating point, for generic/cells.h. cells_fixed.h describes
+   the functions. Fields, plays and magnetisations are fractions on a grid of 2*NUMBER_EPS. Sums and
+   differences of two of them are exact. Therefore, no errors accumulate in the sum of the cells at
+   rest. */
 
 typedef struct {
   number width; /* of a segment */
@@ -19,10 +20,8 @@ typedef struct {
 #define FIELD_MIN (GRID_STEP - (number)1)
 #define WHOLE_SEGMENT ((number)1) /* as a part */
 
-/* 2^-n */
 #define POWER_OF_HALF(n) ((number)1 / (number)(1L << (n)))
 
-/* A quarter of the largest residual that rounding alone can cause. */
 #define RESIDUAL_DEADBAND NUMBER_EPS
 
 /* Rounds to the nearest multiple of GRID_STEP, which is the spacing of numbers in 2..4. Requires
@@ -33,32 +32,22 @@ static inline number round_to_grid(number a)
   return shifted - (number)3;
 }
 
-/* Converts a word of a block that is an integer. */
 static inline int integer_of(entry word) { return (int)word; }
 
 /* Returns a, or -a for a mirror of -1. */
 static inline number mirrored(number a, int mirror) { return mirror != 0 ? -a : a; }
-
 static inline number clamped(number a, number low, number high) { return clamp(a, low, high); }
-
-/* Returns whether -half <= x < half. */
 static inline int is_around_zero(number x, number half) { return x >= -half && x < half; }
 
 /* Saturates to -1 .. 1; returns the lower end for NaN. */
 static inline number saturate(number a) { return clamp(a, FIELD_MIN, FIELD_MAX); }
-
 static inline number sum(number a, number b) { return a + b; }
 static inline number difference(number a, number b) { return a - b; }
 static inline number unsafe_sum(number a, number b) { return a + b; }
 static inline number unsafe_difference(number a, number b) { return a - b; }
-
-/* Returns a times a weight. */
 static inline number scaled(number a, entry weight) { return a * weight; }
-
 static inline number quarter(number a) { return (number)0.25 * a; }
 static inline number four_times(number a) { return (number)4 * a; }
-
-/* Converts a word of a table. */
 static inline number word_value(entry word) { return round_to_grid(word); }
 
 static inline number value_at(spot at)
@@ -66,15 +55,12 @@ static inline number value_at(spot at)
   return round_to_grid(at.at[0] + at.part * (at.at[1] - at.at[0]));
 }
 
-/* Returns the value of another row minus the value of this row at the same position. Requires that
-   the rows differ by less than 1. */
 static inline number between(spot position, const entry *other)
 {
   const spot there = {other, position.part};
   return value_at(there) - value_at(position);
 }
 
-/* Returns the grid with segments of width 2^-halvings. */
 static inline grid grid_from_halvings(unsigned halvings)
 {
   const number count = (number)(1L << halvings);
@@ -84,7 +70,6 @@ static inline grid grid_from_halvings(unsigned halvings)
 
 static inline number width_of(grid width) { return width.width; }
 
-/* Returns the field at a number of segments from zero. */
 static inline number segments_to_field(int segments, grid width)
 {
   return (number)segments * width.width;
@@ -97,7 +82,6 @@ static inline int floor_of(number a)
   return (number)found > a ? found - 1 : found;
 }
 
-/* Returns the position of a field on a row; `zero` points to the entry for the field 0. */
 static inline spot spot_from_zero(const entry *zero, number x, grid width)
 {
   const number place = x * width.count;
@@ -106,14 +90,11 @@ static inline spot spot_from_zero(const entry *zero, number x, grid width)
   return at;
 }
 
-/* Returns the field at the lower end of the segment that contains x. Segments start at multiples of
-   their width. */
 static inline number segment_begin(number x, grid width)
 {
   return segments_to_field(floor_of(x * width.count), width);
 }
 
-/* Returns the position of x on its segment. */
 static inline number part_at(number x, number begin, grid width)
 {
   return (x - begin) * width.count;
@@ -127,19 +108,14 @@ static inline number field_at_part(number begin, grid width, number part)
   return x > begin ? x : begin;
 }
 
-/* Limits a position to values below the upper end, because rounding can exceed it. */
 static inline number limit_part(number part)
 {
   return part < WHOLE_SEGMENT ? part : WHOLE_SEGMENT - NUMBER_EPS;
 }
 
-/* Returns residual/rise. Requires 0 <= residual < rise. */
 static inline number divide_to_part(number residual, number rise) { return residual / rise; }
-
-/* Returns the rise up to a position on the segment. */
 static inline number rise_at_part(number rise, number part) { return rise * part; }
 
-/* Segment of a trial step: whether it is known, its width, and its lower end. */
 static inline int has_segment(const candidate *at)
 {
   return at->of.cells.segment > 0 && at->of.cells.segment < MAX_BLOCK_WORDS &&
@@ -158,8 +134,6 @@ static inline number candidate_begin(const candidate *at, number x)
   return at->of.cells.begin;
 }
 
-/* Stores the segment of a trial step: its word in the block, its lower end, its width and its
-   rise. */
 static inline void set_segment(candidate *at, const entry *words, int segment, number begin,
                                grid width)
 {
@@ -169,10 +143,8 @@ static inline void set_segment(candidate *at, const entry *words, int segment, n
   at->of.cells.rise = word_value(words[segment + 1]) - word_value(words[segment]);
 }
 
-/* Returns a quarter of the rise of the row on the segment of a trial step. */
 static inline number quarter_rise(const candidate *at) { return quarter(at->of.cells.rise); }
 
-/* Returns whether a field is below another one only by rounding. */
 static inline int is_rounding(number above, number below, grid width)
 {
   (void)width;
@@ -181,8 +153,6 @@ static inline int is_rounding(number above, number below, grid width)
 
 /* Returns whether a flux is valid; 0 for NaN. */
 static inline int is_flux_valid(number flux) { return flux > (number)-1 && flux < (number)1; }
-
-/* Returns a limit of the current. */
 static inline number inner_limit(const entry *words, int word) { return words[word]; }
 
 #define MAX_ROW_DIFFERENCE ((number)1) /* maximum difference between two rows */
@@ -195,12 +165,10 @@ static inline number inner_limit(const entry *words, int word) { return words[wo
                                 rounding errors */
 #define QUARTER_WEIGHT ((number)0.25)
 
-/* Bisections of a transfer. */
 #define TRANSFER_BISECTIONS 56
 
 static inline int is_weight_positive(entry word) { return word > 0 && word <= (entry)0.5; }
 
-/* Interpolates between low and high at the position numerator/denominator. */
 static inline number interpolate_line(number low, number high, number numerator, number denominator)
 {
   return low + (high - low) * (numerator / denominator);
@@ -215,10 +183,8 @@ static inline number round_to_coarse_grid(number a)
 
 #if ANHYST_MEMORIES > 1
 
-/* Smallest share of a layer in the cross-section. */
 #define MIN_SHARE ((number)0.001953125)
 
-/* Range of the slope of a segment. */
 #define MIN_STIFFNESS ((number)1.52587890625e-5)
 #define MAX_STIFFNESS ((number)32768)
 
@@ -228,7 +194,6 @@ static inline number read_own_slope(const entry *words)
 }
 static inline number read_hold_slope(const entry *words) { return words[ANHYST_WORD_SOLID_HOLD]; }
 
-/* Returns the share of each inner layer. */
 static inline entry inner_share(entry surface, int layers)
 {
   return ((entry)1 - surface) / (entry)layers;
@@ -239,14 +204,11 @@ static inline number multiply_by_slope(number a, number slope) { return a * slop
 static inline number own_field(number flux, number own) { return flux * own; }
 static inline number divide_by_share(number a, entry share) { return a / share; }
 
-/* Returns the slope of a segment with this rise (divided by 4), plus the slope `own` of the
-   layer. */
 static inline number law_stiffness(number width, number rise, number own)
 {
   return clamp(quarter(width / rise) + own, MIN_STIFFNESS, MAX_STIFFNESS);
 }
 
-/* Returns the slope between two positions. Requires run != 0. */
 static inline number secant(number rise, number run)
 {
   return clamp(rise / run, MIN_STIFFNESS, MAX_STIFFNESS);
@@ -254,10 +216,8 @@ static inline number secant(number rise, number run)
 
 /* Returns the field unchanged. In fixed point, large fields of a line are scaled down. */
 static inline number to_coarse(number a) { return a; }
-
 static inline number divide_slope_by_share(number stiff, entry share) { return stiff / share; }
 
-/* Returns 1/(field arm*(1 - laminated)). */
 static inline number slope_of_arm(entry field_arm, entry laminated)
 {
   return (number)1 / (field_arm * ((entry)1 - laminated));
@@ -268,23 +228,18 @@ static inline number divide_weights(number numerator, number denominator)
   return numerator / denominator;
 }
 
-/* Returns a slope divided by the part of the path that is not laminated. */
 static inline number divide_slope_by_solid_part(number slope, entry laminated)
 {
   return slope / ((number)1 - laminated);
 }
 
-/* Returns part/(part + other) for two slopes. */
 static inline entry slope_share(number part, number other) { return part / (part + other); }
 
-/* Returns whether the residual of an equation, a field, is at most the rounding errors of fields
-   and fluxes. */
 static inline int is_residual_small(number residual, number slope)
 {
   return absolute(residual) <= NUMBER_EPS * ((number)256 + (number)16 * slope);
 }
 
-/* Converts a residual to the outstanding flux of a layer and all deeper ones, limited to +-most. */
 static inline number owed_flux(const entry *words, number residual, number most)
 {
   return clamp(residual / words[ANHYST_WORD_SOLID_HOLD], -most, most);

@@ -5,13 +5,11 @@
    segment width doubles from octave to octave, because the curve is steep at z = 0 and flat at
    large z. A search in the same table gives z, so that both directions agree. */
 
-/* Returns the bounded state at a distance >= 0. */
 static number state_at_distance(const entry *words, number z)
 {
   return value_at(locate_distance(words, z < DISTANCE_MAX ? z : DISTANCE_MAX));
 }
 
-/* Returns the distance at a bounded state of 0..1. */
 static number distance_at_state(const entry *words, number state)
 {
   const entry *table = words + (int32_t)words[ANHYST_WORD_SIMPLE_CURVE];

@@ -68,7 +68,6 @@ static arms_type arms_at(const compensator *c, gap_position position)
   return arms;
 }
 
-/* Returns the output at this gap without flux. */
 static number offset_at(const entry *words, gap_position position)
 {
   return word_to_signal(over_gap(position, words[ANHYST_WORD_GAP_OFFSET]));
@@ -111,7 +110,6 @@ static void demagnetise(compensator *c)
   }
 }
 
-/* Starts with a valid block. */
 static void init(compensator *c, const kernel_type *kernel, const entry *words)
 {
   c->kernel = kernel_for(kernel, words);

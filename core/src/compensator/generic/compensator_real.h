@@ -11,7 +11,6 @@
   ((number)2) /* the largest current whose flux is searched for, fraction of full                  \
                  scale */
 
-/* Position of a gap in the tables over the gap. */
 typedef struct {
   const entry *words; /* words of the block, advanced to the segment */
   number part;        /* position on the segment, 0..1 */
@@ -22,7 +21,6 @@ static number current_in_units(const compensator *c)
   return c->current * c->words[ANHYST_WORD_SCALE_CURRENT];
 }
 
-/* Sets the reciprocals of the scales of the present block. */
 static void read_scales(compensator *c)
 {
   const entry *words = c->words;
@@ -59,17 +57,11 @@ static number over_gap(gap_position position, entry first)
 }
 
 static number bias_of(number over_gap) { return over_gap; }
-
 static number limit_bias(number bias) { return bias; }
-
 static number add_arms(number a, number b) { return a + b; }
-
 static number product(number a, number weight) { return a * weight; }
-
 static number add(number a, number b) { return a + b; }
-
 static number subtract(number a, number b) { return a - b; }
-
 static number word_to_signal(number word) { return word; }
 
 /* Returns whether a is finite and at most 3e38 in size. */
@@ -105,7 +97,6 @@ static number root(number a, int32_t knee)
   return scale * (r + a / r);
 }
 
-/* Returns the flux for an output above the offset. */
 static number output_to_flux(const entry *words, number above_offset, gap_position position)
 {
   number part = above_offset;
@@ -117,7 +108,6 @@ static number output_to_flux(const entry *words, number above_offset, gap_positi
 }
 
 static number flux_limit(const entry *words) { return words[ANHYST_WORD_FLUX_LIMIT]; }
-
 static number limit_flux(number flux) { return clamp(flux, (number)-1, (number)1); }
 
 static number to_inner_flux(const entry *words, number flux)
@@ -126,7 +116,6 @@ static number to_inner_flux(const entry *words, number flux)
   return flux;
 }
 
-/* Returns the output above the offset for a flux. */
 static number flux_to_output(const entry *words, number flux, gap_position position)
 {
   const number part = flux / over_gap(position, words[ANHYST_WORD_GAP_GAIN]);
@@ -138,7 +127,6 @@ static number flux_to_output(const entry *words, number flux, gap_position posit
   return flux_size * steepness < (number)1 ? flux_size / steepness : flux_size * flux_size;
 }
 
-/* Returns the limit of the inner current at this word of the block. */
 static number current_limit(const entry *words, int16_t word) { return words[word]; }
 
 /* Convert the inner current to the result of a solve, and back. */

@@ -38,7 +38,6 @@ static ANHYST_REAL limit_demand(const anhyst_map_x *map, ANHYST_REAL demand)
                                   : below;
 }
 
-/* Returns the current that the integral of the flux error adds. */
 static ANHYST_REAL integral_current(const anhyst_force_controller_x *c) { return c->integral; }
 
 static int32_t conditioning_length(const anhyst_compensator_x *compensator)
@@ -83,8 +82,6 @@ static void advance_flux(anhyst_force_controller_x *c, ANHYST_REAL applied)
   }
 }
 
-/* Limits the current that is added to a compensator, so that a failed probe has a limited
-   effect. */
 static void limit_correction(anhyst_force_controller_x *c)
 {
   c->correction = anhyst_limited_x(c->correction, -c->loop->most, c->loop->most);

@@ -15,7 +15,6 @@
 /* Steps of the guess along the anhysteretic curve if the iron weight is negative. */
 #define CHORD_STEPS 4
 
-/* Largest residual of a search. */
 #define MAX_RESIDUAL (2 * MAX_FIELD)
 
 /* Excess of a current that counts as beyond its limit: the rounding of its arms, 6e-5. */
@@ -27,7 +26,6 @@
 
 #include "full_block.h"
 
-/* Returns the direction of a mirror. */
 static inline int16_t direction_for(mirror_type mirror) { return mirror < 0 ? -1 : 1; }
 
 /* Returns the point of the memory, without a direction. *rise is the rise of the anhysteretic curve
@@ -42,7 +40,6 @@ static inline path_point point_of_memory(const compensator *c, number *rise)
   return point;
 }
 
-/* Starts a path at the memory. */
 static inline void start_path(const compensator *c, branch_path *path, mirror_type mirror,
                               number rise, path_point *point)
 {
@@ -84,7 +81,6 @@ static void keep_state(compensator *c, number m)
   c->next.of.full.direction = 0;
 }
 
-/* Returns the flux h*x + m of a point. */
 static inline number flux_at(const entry *words, number x, number m)
 {
   return m + scaled(x, words[ANHYST_WORD_FULL_AIR]) * 4;
@@ -180,7 +176,6 @@ static int solve_from_last_step(compensator *c, number target)
   return 1;
 }
 
-/* Returns the flux for a current. */
 static number flux_for_current(compensator *c, number current)
 {
   const number target = to_inner(current) - to_inner(c->arms.bias);

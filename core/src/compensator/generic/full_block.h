@@ -77,7 +77,6 @@ typedef struct {
   number inverse_error;      /* y minus the curve at this field: error of the tables */
 } old_state;
 
-/* Limits a field to the range of the tables. */
 static inline number limit_to_tables(number x) { return clamped(x, -MAX_FIELD, MAX_FIELD); }
 
 /* Shifts a state along the field axis and uses it as the start of a path. Returns the residual of

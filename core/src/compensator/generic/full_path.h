@@ -8,7 +8,6 @@
    The play p follows the field x within its half-width. The effect of the history only decays.
    Therefore, an error of a table appears in y at most once, for a path of any length. */
 
-/* A rising path. */
 typedef struct {
   number x; /* start of the path */
   number y;
@@ -31,7 +30,6 @@ typedef struct {
   int16_t evaluations; /* maximum number */
 } branch_path;
 
-/* A point on a path. */
 typedef struct {
   number x;
   number y;
@@ -55,13 +53,11 @@ static inline number interpolate_odd(table t, number u, number *rise)
   return mirrored(interpolate(t, mirrored(u, mirror), rise), mirror);
 }
 
-/* Returns A(x). */
 static inline number branch_value(const branch_path *path, number x, number *rise)
 {
   return interpolate(path->branch, half(x + UNIT), rise);
 }
 
-/* Returns m = y + c*(L - y). */
 static inline number magnetisation(number y, number anhysteretic, entry reversible)
 {
   return y + multiply_by_part(anhysteretic - y, reversible);
@@ -85,7 +81,6 @@ static inline number on_path(number a, mirror_type mirror)
   return mirrored(limit_to_unit(to_inner(a)), mirror);
 }
 
-/* Initialises a path from a memory. */
 static inline void init_path(branch_path *path, const entry *words, const full_memory *from,
                              mirror_type mirror)
 {

@@ -26,7 +26,6 @@ typedef number slope;
 typedef number candidate_slope;
 typedef number mirror_type; /* -1: the path falls, 1: it rises */
 
-/* A table over 0..1. */
 typedef struct {
   const entry *at;
   int32_t last;    /* index of its last segment */
@@ -49,13 +48,9 @@ static inline decay_rate read_decay_rate(const entry *words)
 }
 
 static inline number to_inner(number a) { return a; }
-
 static inline number to_memory(number a) { return a; }
-
 static inline number to_outer(number a) { return a; }
-
 static inline number limit_to_unit(number a) { return clamp(a, -UNIT, UNIT); }
-
 static inline number clamped(number a, number low, number high) { return clamp(a, low, high); }
 
 static inline mirror_type mirror_for(int is_falling)
@@ -67,14 +62,10 @@ static inline number mirrored(number a, mirror_type mirror) { return a * mirror;
 
 /* Returns 0 for NaN. */
 static inline int is_residual(number residual) { return absolute(residual) > RESIDUAL_DEADBAND; }
-
 static inline number scaled(number a, entry weight) { return a * weight; }
-
 static inline number multiply_by_part(number a, entry part) { return a * part; }
-
 static inline number half(number a) { return a * (number)0.5; }
 
-/* Interpolates a table at 0 <= u <= 1; *rise is the rise of the segment. */
 static inline number interpolate(table t, number u, number *rise)
 {
   const number place = u * t.segments;
@@ -86,9 +77,7 @@ static inline number interpolate(table t, number u, number *rise)
 }
 
 static inline slope slope_of(table curve, number rise) { return rise * curve.segments; }
-
 static inline slope rising(slope a) { return clamp(a, (slope)0, MAX_SLOPE); }
-
 static inline number along_slope(number step, slope a) { return step * a; }
 
 static inline number slope_of_sum(entry air, entry iron, slope m_slope)
@@ -162,15 +151,10 @@ static inline number decayed_share_after(decay_rate decay, number travel)
 }
 
 static inline number kappa_of(entry steepness) { return UNIT / steepness; }
-
 static inline number multiply_by_share(number a, number share) { return a * share; }
-
 static inline number lead_of(number a) { return a; }
-
 static inline number lead_part(number part, number lead) { return part * lead; }
-
 static inline number bounded(number a) { return a; }
-
 static inline number current_limit(const entry *words, int16_t word) { return words[word]; }
 
 #endif

@@ -5,7 +5,6 @@
    if the slope of m is below air/-iron everywhere, which the check of a block requires. Therefore,
    the solution is unique. */
 
-/* air*x + iron*m = target. */
 typedef struct {
   entry air;
   entry iron;

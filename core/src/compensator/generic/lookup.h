@@ -21,20 +21,17 @@ static inline anhyst_spot_x anhyst_spot_of_x(uint16_t segments, ANHYST_REAL plac
   return spot;
 }
 
-/* Returns the value at a position. */
 static inline ANHYST_REAL anhyst_value_at_x(const ANHYST_REAL *table, anhyst_spot_x spot)
 {
   const ANHYST_REAL low = table[spot.index];
   return low + spot.part * (table[spot.index + 1U] - low);
 }
 
-/* Returns the rise over the segment of a position. */
 static inline ANHYST_REAL anhyst_rise_at_x(const ANHYST_REAL *table, anhyst_spot_x spot)
 {
   return table[spot.index + 1U] - table[spot.index];
 }
 
-/* |a|. */
 static inline ANHYST_REAL anhyst_size_x(ANHYST_REAL a) { return a < R(0.0) ? -a : a; }
 
 /* Limits a to low..high; returns low for NaN. */

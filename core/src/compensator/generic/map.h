@@ -41,7 +41,6 @@ static inline table_row row_at(const map_type *map, number gap)
   return row;
 }
 
-/* Returns the interpolated entry of a column. */
 static inline number column_value(const table_row *row, size_t column)
 {
   const entry *below = row->first + column;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Operations in floating point for the templates map.h and play_map.h. The types number and
-   map_type are defined before. */
+/* Operations in floating point for the templates map.h and play_map.h. ../map_fixed.h describes the
+   functions. The types number and map_type are defined before. */
 
 typedef number entry;
 
@@ -43,17 +43,14 @@ static inline table_position locate_force(const map_type *map, number force)
 }
 
 static inline size_t columns_of(const map_type *map) { return map->force_segments; }
-
 static inline size_t rows_of(const map_type *map) { return map->gap_segments; }
 
-/* Returns the force at a position. */
 static inline number force_at(const map_type *map, table_position at)
 {
   return map->force_low + (map->force_high - map->force_low) *
                               (((number)at.index + at.part) / (number)map->force_segments);
 }
 
-/* Returns whether low and high are a valid range. */
 static inline int is_range(number low, number high)
 {
   return low >= -MAX_ENTRY && low < high && high <= MAX_ENTRY;
@@ -68,13 +65,11 @@ static inline int has_shape(const map_type *map)
 
 static inline number multiply_by_part(number a, number part) { return part * a; }
 
-/* Interpolates between two entries. */
 static inline number interpolate(entry from, entry to, number part)
 {
   return from + part * (to - from);
 }
 
-/* Returns numerator/denominator. Requires 0 < numerator < denominator. */
 static inline number ratio_of(number numerator, number denominator)
 {
   return numerator / denominator;

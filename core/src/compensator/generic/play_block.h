@@ -2,7 +2,6 @@
 /* Template: the parameter block of a map with a play, for every number format. The operations of a
    format (../play_map.c or play_map_real.h) and map.h are included before. */
 
-/* Returns whether the checksum matches the words. */
 static int is_checksum_right(const entry *words, uint16_t length)
 {
   uint32_t sum = ANHYST_CHECKSUM_START;

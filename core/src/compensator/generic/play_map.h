@@ -40,17 +40,16 @@ static inline number current_at(number value, number half, number side)
 }
 
 /* Sets a point to a column; part is its position on the segment of the search, 0 or 1. */
-static void set_point_to_column(point *at, const play_type *c, const section *section_at_gap,
-                                size_t column, number part)
+static void set_point_to_column(point *at, const play_type *c, const section *slice, size_t column,
+                                number part)
 {
   at->part = part;
-  at->value = column_value(&section_at_gap->map, column);
-  at->half = column_value(&section_at_gap->half, column);
-  at->side = side_at(c, section_at_gap, at->value);
+  at->value = column_value(&slice->map, column);
+  at->half = column_value(&slice->half, column);
+  at->side = side_at(c, slice, at->value);
   at->current = current_at(at->value, at->half, at->side);
 }
 
-/* Interpolates between two numbers. */
 static number interpolate_between(number from, number to, number part)
 {
   return from + multiply_by_part(to - from, part);
@@ -63,18 +62,18 @@ static uint16_t gap_flag(const play_type *c, number gap)
 
 static number solve(play_type *c, number demand, number gap)
 {
-  const section section_at_gap = section_at(c, gap);
+  const section slice = section_at(c, gap);
   c->demand = limit_demand(&c->law.map, demand);
   c->gap = gap;
   const table_position position = locate_force(&c->law.map, c->demand);
   const size_t next = position.index + 1U;
   c->column = (uint16_t)position.index;
   c->at.part = position.part;
-  c->at.value = interpolate_between(column_value(&section_at_gap.map, position.index),
-                                    column_value(&section_at_gap.map, next), position.part);
-  c->at.half = interpolate_between(column_value(&section_at_gap.half, position.index),
-                                   column_value(&section_at_gap.half, next), position.part);
-  c->at.side = side_at(c, &section_at_gap, c->at.value);
+  c->at.value = interpolate_between(column_value(&slice.map, position.index),
+                                    column_value(&slice.map, next), position.part);
+  c->at.half = interpolate_between(column_value(&slice.half, position.index),
+                                   column_value(&slice.half, next), position.part);
+  c->at.side = side_at(c, &slice, c->at.value);
   c->at.current = current_at(c->at.value, c->at.half, c->at.side);
   const number current = limit(c->at.current, c->low, c->high);
   c->solved = 1;
@@ -101,13 +100,13 @@ typedef struct {
 
 /* Returns the column at the start of the segment that contains a current. Returns the first or the
    last segment between two columns if the current is outside. Tries two columns, then bisects. */
-static size_t find_column(const play_type *c, const section *section_at_gap, size_t below,
-                          size_t above, size_t probe, size_t second, number current)
+static size_t find_column(const play_type *c, const section *slice, size_t below, size_t above,
+                          size_t probe, size_t second, number current)
 {
   while (above - below > 1U) {
-    const number value = column_value(&section_at_gap->map, probe);
-    const number half = column_value(&section_at_gap->half, probe);
-    if (current_at(value, half, side_at(c, section_at_gap, value)) <= current) {
+    const number value = column_value(&slice->map, probe);
+    const number half = column_value(&slice->half, probe);
+    if (current_at(value, half, side_at(c, slice, value)) <= current) {
       below = probe;
     } else {
       above = probe;
@@ -120,11 +119,11 @@ static size_t find_column(const play_type *c, const section *section_at_gap, siz
 
 /* Cuts the interval at a corner, where the value is at an end of the play and the current bends.
    Requires that the ends of the interval are on different sides of the corner. */
-static void split_at_corner(number edge, number side, number current, search_interval *interval,
+static void split_at_corner(number edge, number side, number current, search_interval *span,
                             point *corner)
 {
-  const point *start = interval->start;
-  const point *end = interval->end;
+  const point *start = span->start;
+  const point *end = span->end;
   const number x =
       fine_quotient(absolute(edge - start->value), absolute(end->value - start->value));
   corner->part = interpolate_between(start->part, end->part, x);
@@ -133,9 +132,9 @@ static void split_at_corner(number edge, number side, number current, search_int
   corner->side = side;
   corner->current = current_at(edge, corner->half, side);
   if (start->value < end->value ? corner->current < current : corner->current > current) {
-    interval->start = corner;
+    span->start = corner;
   } else {
-    interval->end = corner;
+    span->end = corner;
   }
 }
 
@@ -145,14 +144,14 @@ static void split_at_corner(number edge, number side, number current, search_int
      start + x*(whole - bend*(1 - x)),  |bend| <= whole.
 
    Newton steps from x = 0 solve this equation. */
-static number solve_part(const search_interval *interval, number current)
+static number solve_part(const search_interval *span, number current)
 {
-  number total_rise = difference(interval->end->current, interval->start->current);
-  number residual = difference(current, interval->start->current);
+  number total_rise = difference(span->end->current, span->start->current);
+  number residual = difference(current, span->start->current);
   number bend = 0;
-  if (interval->start->side != interval->end->side) {
-    bend = multiply_by_part(difference(interval->end->side, interval->start->side),
-                            interval->end->half - interval->start->half);
+  if (span->start->side != span->end->side) {
+    bend = multiply_by_part(difference(span->end->side, span->start->side),
+                            span->end->half - span->start->half);
   }
   if (total_rise < 0) {
     total_rise = -total_rise;
@@ -170,7 +169,7 @@ static number solve_part(const search_interval *interval, number current)
   for (int16_t i = 0; i < PLAY_STEPS; i++) {
     const number bend_at_x = multiply_by_part(bend, x);
     const number remaining = residual - multiply_by_part(start + bend_at_x, x);
-    if (is_rounding(remaining, interval->start->current, interval->end->current)) {
+    if (is_rounding(remaining, span->start->current, span->end->current)) {
       break;
     }
     const number step_size = quotient_up_to_one(absolute(remaining), start + 2 * bend_at_x);
@@ -185,60 +184,60 @@ static number solve_part(const search_interval *interval, number current)
 
 /* Finds the segment of a current. Usually it is the segment of the last solve, for a current
    rounded by a D/A converter, or its neighbour. */
-static void find_segment(const play_type *c, const section *section_at_gap, int is_solved,
-                         number current, search_interval *interval)
+static void find_segment(const play_type *c, const section *slice, int is_solved, number current,
+                         search_interval *span)
 {
   size_t below = 0;
   size_t above = columns_of(&c->law.map);
   size_t probe = above / 2U;
   size_t second = 1U;
-  interval->start = &c->at;
-  interval->column = c->column;
+  span->start = &c->at;
+  span->column = c->column;
   if (is_solved && current > c->at.current) {
     below = (size_t)c->column + 1U;
     probe = above - 1U;
     second = below + 1U;
-    interval->end = &interval->high;
-    set_point_to_column(&interval->high, c, section_at_gap, below, ONE);
-    if (below == above || interval->high.current >= current) {
+    span->end = &span->high;
+    set_point_to_column(&span->high, c, slice, below, ONE);
+    if (below == above || span->high.current >= current) {
       return;
     }
   } else if (is_solved) {
     above = c->column;
     probe = 1U;
     second = above - 1U;
-    interval->end = &interval->low;
-    set_point_to_column(&interval->low, c, section_at_gap, above, 0);
-    if (above == 0U || interval->low.current <= current) {
+    span->end = &span->low;
+    set_point_to_column(&span->low, c, slice, above, 0);
+    if (above == 0U || span->low.current <= current) {
       return;
     }
   }
-  interval->column = find_column(c, section_at_gap, below, above, probe, second, current);
-  interval->start = &interval->low;
-  interval->end = &interval->high;
-  set_point_to_column(&interval->low, c, section_at_gap, interval->column, 0);
-  set_point_to_column(&interval->high, c, section_at_gap, interval->column + 1U, ONE);
+  span->column = find_column(c, slice, below, above, probe, second, current);
+  span->start = &span->low;
+  span->end = &span->high;
+  set_point_to_column(&span->low, c, slice, span->column, 0);
+  set_point_to_column(&span->high, c, slice, span->column + 1U, ONE);
 }
 
 /* Moves to the force of a current, starting from the present play. */
 static void move_to_current(play_type *c, int is_solved, number current, number gap)
 {
-  const section section_at_gap = section_at(c, gap);
-  search_interval interval;
-  find_segment(c, &section_at_gap, is_solved, current, &interval);
-  if (interval.start->side != interval.end->side) {
-    if (interval.start->side == -ONE || interval.end->side == -ONE) {
-      split_at_corner(section_at_gap.descending, -ONE, current, &interval, &interval.corners[0]);
+  const section slice = section_at(c, gap);
+  search_interval span;
+  find_segment(c, &slice, is_solved, current, &span);
+  if (span.start->side != span.end->side) {
+    if (span.start->side == -ONE || span.end->side == -ONE) {
+      split_at_corner(slice.descending, -ONE, current, &span, &span.corners[0]);
     }
-    if (interval.start->side == ONE || interval.end->side == ONE) {
-      split_at_corner(section_at_gap.ascending, ONE, current, &interval, &interval.corners[1]);
+    if (span.start->side == ONE || span.end->side == ONE) {
+      split_at_corner(slice.ascending, ONE, current, &span, &span.corners[1]);
     }
   }
-  const number x = solve_part(&interval, current);
-  const table_position position = {
-      interval.column, interpolate_between(interval.start->part, interval.end->part, x)};
+  const number x = solve_part(&span, current);
+  const table_position position = {span.column,
+                                   interpolate_between(span.start->part, span.end->part, x)};
   c->demand = limit_demand(&c->law.map, force_at(&c->law.map, position));
-  c->at.value = interpolate_between(interval.start->value, interval.end->value, x);
+  c->at.value = interpolate_between(span.start->value, span.end->value, x);
 }
 
 static number commit(play_type *c, number applied, number gap)

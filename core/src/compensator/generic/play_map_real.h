@@ -1,18 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Operations in floating point for the templates play_block.h and play_map.h. map_real.h, the types
-   law_type, point and play_type, and the constant EPSILON come before. */
+/* Operations in floating point for the templates play_block.h and play_map.h. ../play_map.c
+   describes the functions. map_real.h, the types law_type, point and play_type, and the constant
+   EPSILON come before. */
 
 #define PLAY_STEPS 12 /* more than in fixed point because of the higher precision */
 
 static int is_finite(number a) { return a >= -MAX_ENTRY && a <= MAX_ENTRY; }
-
 static number absolute(number a) { return a < 0 ? -a : a; }
-
 static number add(number a, number b) { return a + b; }
-
 static number subtract(number a, number b) { return a - b; }
 
-/* Limits a to low..high; returns low for NaN. */
 static number limit(number a, number low, number high)
 {
   if (!(a > low)) {
@@ -38,7 +35,6 @@ static int is_gap_in_range(const map_type *map, number gap)
   return gap >= map->gap_low - room && gap <= map->gap_high + room;
 }
 
-/* Returns distance/radius. Requires |distance| < radius. */
 static number side_from_distance(const law_type *law, number distance)
 {
   return distance * law->per_radius;
@@ -48,7 +44,6 @@ static number side_from_distance(const law_type *law, number distance)
    function. */
 static number difference(number a, number b) { return a - b; }
 
-/* Returns numerator/denominator, at most 1. Requires numerator >= 0. */
 static number quotient_up_to_one(number numerator, number denominator)
 {
   return numerator < denominator ? numerator / denominator : ONE;
@@ -56,16 +51,13 @@ static number quotient_up_to_one(number numerator, number denominator)
 
 #define fine_quotient quotient_up_to_one
 
-/* Returns whether a difference of two currents of these sizes is only rounding. */
 static int is_rounding(number left, number start, number end)
 {
   return absolute(left) <= 16 * EPSILON * (absolute(start) + absolute(end));
 }
 
-/* Returns whether a word is this unsigned integer. */
 static int is_word_equal(number word, uint16_t value) { return word == (number)value; }
 
-/* Adds the bits of a word to a checksum. */
 static uint32_t add_word_to_checksum(uint32_t sum, number word)
 {
   union {

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Operations that both floating-point formats share; number is float or double. */
 
-/* |a| */
 static inline number absolute(number a) { return a < (number)0 ? -a : a; }
 
 /* Limits a to low..high; returns low for NaN. */

@@ -12,7 +12,6 @@ static uint32_t checksum_of(const saved_memory *saved)
   return ~sum & 0xFFFFFFFFUL;
 }
 
-/* Returns the checksum of the present block. */
 static uint32_t block_checksum(const compensator *c)
 {
   const uint32_t low = (uint32_t)(uint16_t)(int32_t)c->words[ANHYST_WORD_CRC];

@@ -40,7 +40,6 @@ static simplified_memory in_direction(const simplified_memory *memory, int is_fa
   return is_falling ? mirror : *memory;
 }
 
-/* Returns the bounded state at the flux of a memory. */
 static number state_at(const entry *words, const simplified_memory *at)
 {
   if (at->flux == at->peak) {

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Arithmetic of the simplified law in floating point, for simplified.h and closed_form.h. */
+/* Arithmetic of the simplified law in floating point, for simplified.h and closed_form.h.
+   ../simplified_fixed.h describes the functions. */
 
 #include "block_real.h"
 
@@ -8,42 +9,33 @@
 #define DISTANCE_MAX ((number)16)
 #define MAX_WEIGHT_SHIFT 0
 
-/* Largest difference of two currents that rounding alone can cause. */
 #define RESIDUAL_DEADBAND ((number)4 * NUMBER_EPS)
 
 static inline number sum(number a, number b) { return a + b; }
 static inline number difference(number a, number b) { return a - b; }
-
 static inline number scaled(number a, entry weight) { return a * weight; }
-
-/* Converts a weight of the block. */
 static inline number weight_to_number(entry weight) { return weight; }
 
-/* Returns the change of the bounded state on the line of slope `hold`. Requires travel >= 0. */
 static inline number hold_change(const entry *words, number travel)
 {
   return travel * words[ANHYST_WORD_SIMPLE_HOLD];
 }
 
-/* Returns the slope of the distance over the flux. */
 static inline number rate_of(const entry *words)
 {
   return (number)8 * words[ANHYST_WORD_SIMPLE_RATE];
 }
 
-/* Returns the distance for a travel of the flux. Requires travel >= 0. */
 static inline number distance_of_travel(const entry *words, number travel)
 {
   return travel * rate_of(words);
 }
 
-/* Returns the distance from a bounded state below 0 up to 0. */
 static inline number hold_distance(const entry *words, number state)
 {
   return -state * words[ANHYST_WORD_SIMPLE_REST];
 }
 
-/* Returns the slope of the bounded state over the flux on a rising path. Requires |state| <= 1. */
 static inline number lag_slope(const entry *words, number state)
 {
   const number v = (number)1 - state;
@@ -53,7 +45,6 @@ static inline number lag_slope(const entry *words, number state)
   return rate_of(words) * v / (state + words[ANHYST_WORD_SIMPLE_REST] * v);
 }
 
-/* Returns the slope of the current over the flux. */
 static inline number current_slope(const arms_type *arms, number slope)
 {
   return arms->flux_arm + arms->field_arm * slope;
@@ -63,17 +54,14 @@ static inline number newton_step(number residual, number slope) { return residua
 
 /* ---- the table of the closed form ---- */
 
-/* A position in the table. */
 typedef struct {
   const entry *at; /* lower end of the segment */
   number part;     /* position on the segment, 0..1 */
 } spot;
 
 static inline number value_at(spot at) { return at.at[0] + (at.at[1] - at.at[0]) * at.part; }
-
 static inline number word_value(entry word) { return word; }
 
-/* Returns the position on a segment where its line has risen by this amount, 0..1. */
 static inline number part_at_rise(number rise_up_to_part, entry low, entry high)
 {
   return high > low ? clamp(rise_up_to_part / (high - low), (number)0, (number)1) : (number)0;
@@ -104,7 +92,6 @@ static spot locate_distance(const entry *words, number z)
   return found;
 }
 
-/* Returns the distance at a position on a segment. */
 static number distance_at_part(const entry *words, int32_t index, number part)
 {
   const int32_t segments = (int32_t)1 << (int32_t)words[ANHYST_WORD_SIMPLE_SEGMENTS];

@@ -85,7 +85,6 @@ static const number *plays_of(const compensator *c, int at)
 /* Returns the number of layers of a block; 0: laminated iron. */
 static int layers_of(const entry *words) { return integer_of(words[ANHYST_WORD_SOLID_LAYERS]); }
 
-/* Returns the number of memories that a block needs. */
 static int memories_of(const entry *words)
 {
   return layers_of(words) + (words[ANHYST_WORD_SOLID_LAMINATED] > 0 ? 1 : 0);
@@ -120,7 +119,6 @@ static void read_candidate(solid_tick *tick, int at, number flux)
   tick->field[at] = sum(next_of(tick->c, at)->memory.cells.x, own_field(flux, tick->own_slope));
 }
 
-/* Returns the slope of the segment of the trial step. */
 static number stiffness_of(const solid_tick *tick, int at)
 {
   const candidate *next = next_of(tick->c, at);
@@ -129,7 +127,6 @@ static number stiffness_of(const solid_tick *tick, int at)
   return at == tick->layers ? stiff : divide_slope_by_share(stiff, tick->share[at]);
 }
 
-/* Returns the flux in a layer and all deeper ones. */
 static number section_with(const solid_tick *tick, int layer, number deeper)
 {
   return sum(deeper, multiply_by_share(tick->flux[layer], tick->share[layer]));
@@ -195,7 +192,6 @@ static number field_in_current(const solid_tick *tick)
   return difference(field, own_field(tick->total_flux[0], tick->own_slope));
 }
 
-/* Sets the slopes of the circuit from the arms of a current. */
 static void set_circuit(solid_tick *tick)
 {
   const arms_type *arms = &tick->c->arms;

@@ -148,7 +148,6 @@ static void move_reference(anhyst_axes_x *c)
   }
 }
 
-/* Executes a command for the present error. Returns flags. */
 static uint16_t execute_command(anhyst_axes_x *c, uint16_t command, int is_plausible,
                                 ANHYST_REAL *error)
 {

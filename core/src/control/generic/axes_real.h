@@ -20,7 +20,6 @@ static int are_limits_valid(const anhyst_axes_settings_x *settings)
          settings->off < R(1e30) && settings->jump < R(1e30);
 }
 
-/* Returns whether the limits of one axis are valid. */
 static int are_axis_limits_valid(const anhyst_axes_settings_x *settings, int k)
 {
   return is_number(settings->reach[k]) && settings->reach[k] > R(0.0) &&
@@ -36,7 +35,6 @@ static ANHYST_REAL step_pid(const anhyst_axis_pid_x *pid, anhyst_axis_pid_state_
   return anhyst_biquad_step_x(pid, state, error);
 }
 
-/* Returns whether a current is measured. */
 static int is_measured(ANHYST_REAL a)
 {
   return is_number(a) || a > R(0.0) || a < R(0.0); /* infinite values also count */
@@ -79,7 +77,6 @@ static void correct_ground_heads(const anhyst_axes_settings_x *settings, const A
   }
 }
 
-/* Sets the pose from the head readings. */
 static void measure_pose(const anhyst_axes_settings_x *settings, const ANHYST_REAL *see,
                          const ANHYST_REAL *head, const ANHYST_REAL *target, ANHYST_REAL *pose)
 {
@@ -89,7 +86,6 @@ static void measure_pose(const anhyst_axes_settings_x *settings, const ANHYST_RE
   }
 }
 
-/* Returns the rows of a matrix from one row on. */
 static const ANHYST_REAL *rows_after(const ANHYST_REAL *matrix, int row, int columns)
 {
   return &matrix[(ptrdiff_t)row * columns];

@@ -11,7 +11,6 @@ static ANHYST_REAL clamp(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
   return a > high ? high : a;
 }
 
-/* Rounds a current within the limits to the nearest value of the converter. */
 static ANHYST_REAL round_to_grid(ANHYST_REAL current, ANHYST_REAL low, ANHYST_REAL high,
                                  ANHYST_REAL step)
 {

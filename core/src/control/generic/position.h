@@ -35,7 +35,6 @@ anhyst_status anhyst_position_init_x(anhyst_position_x *c, const anhyst_position
   return ANHYST_OK;
 }
 
-/* Returns whether no current was driven at the last tick. */
 static uint16_t is_at_zero(const anhyst_position_x *c)
 {
   const ANHYST_REAL zero = zero_current(c->limits);
@@ -97,7 +96,6 @@ static ANHYST_REAL solve_position(anhyst_position_x *c, const anhyst_position_sa
   return anhyst_pidd2_solve_x(gains, &c->state, reference, c->position, load, &c->candidate);
 }
 
-/* Sets the currents for the demanded net force. */
 static void solve_currents(anhyst_position_x *c, const anhyst_position_sample_x *sample,
                            ANHYST_REAL *demanded)
 {
@@ -184,7 +182,6 @@ static void apply_currents(anhyst_position_x *c, const ANHYST_REAL *demanded)
   c->limited = c->flags & (ANHYST_DEMAND_LIMITED | ANHYST_CURRENT_LIMITED | ANHYST_FLUX_LIMITED);
 }
 
-/* Commits the applied currents to the force controllers and PIDD2. */
 static void commit(anhyst_position_x *c, const ANHYST_REAL *applied)
 {
   ANHYST_REAL force = anhyst_force_controller_commit_x(c->magnet[0], applied[0], c->gap[0]);

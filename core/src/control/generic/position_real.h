@@ -44,7 +44,6 @@ static int is_number(ANHYST_REAL a)
 
 static ANHYST_REAL half(ANHYST_REAL a) { return R(0.5) * a; }
 
-/* Limits a to low..high; returns low for NaN. */
 static ANHYST_REAL clamp(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
 {
   if (!(a > low)) {
@@ -58,7 +57,6 @@ static ANHYST_REAL position_to_gap(const anhyst_gap_line_x *line, ANHYST_REAL po
   return line->offset + line->factor * position;
 }
 
-/* Rounds a current within the limits to the nearest value of the converter. */
 static ANHYST_REAL round_to_grid(const anhyst_position_limits_x *limits, ANHYST_REAL current)
 {
   const ANHYST_REAL low = limits->current_low;

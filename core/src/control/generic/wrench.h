@@ -133,8 +133,6 @@ static void classify_drives(anhyst_wrench_x *w)
   }
 }
 
-/* ---- search ---- */
-
 static void start_search(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
 {
   int i;
