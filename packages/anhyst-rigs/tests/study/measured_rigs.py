@@ -56,7 +56,9 @@ class MeasuredRig:
         magnet = self.held.magnet()
         places = range(len(self.campaign.gaps_m))
         loops = [
-            loop for index in places for loop in measure_at_gap(self.held, self.campaign, index, magnet)
+            loop
+            for index in places
+            for loop in measure_at_gap(self.held, self.campaign, index, magnet)
         ]
         names = QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"]
         return Loops(tuple(loops), *names)
