@@ -70,7 +70,7 @@ def unstable(folder: Path) -> Path:
 def test_an_unstable_stage_exits_with_1(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The recording is kept; figures and report of another one go, and there is no verdict."""
+    """The recording is saved, older figures and reports are deleted, and there is no verdict."""
     monkeypatch.setattr(tracking, "identify_stage_magnet", lambda _: bearings.knowledge())
     rig = unstable(tmp_path)
     for name in ("figures.json", "report.html"):

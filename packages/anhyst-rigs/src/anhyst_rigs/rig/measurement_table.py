@@ -14,8 +14,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from anhyst.data import Loops
+from anhyst.data.input_files import list_input_files
 from anhyst.data.output_map import is_actuator
-from anhyst.data.reading import list_input_files
 from anhyst.data.verdict import largest_output
 from anhyst.identification import identify
 from anhyst.identification.identify import check_options
