@@ -51,11 +51,11 @@ FP_CONTRACT_OFF = """\
 #pragma GCC optimize("fp-contract=off")
 #endif
 """
-"""Keeps products and sums apart, for ecosystems whose packages cannot pass -ffp-contract=off."""
+"""Pragma that prevents fused products and sums, for packages that cannot pass -ffp-contract=off."""
 
 
 def _forbid_fused_products(path: str, text: str, values: Values) -> str:
-    """Put the pragma above the code of a source in single precision."""
+    """Add the pragma to a source in single precision."""
     return FP_CONTRACT_OFF + text if values["real"] and path.endswith(".c") else text
 
 
@@ -86,7 +86,7 @@ MODULE_PLACES = {
     "include": "include", "src": "src", "port": "port", "headers": "actuator",
     "sources": "actuator", "docs": "docs", "example": "docs",
 }  # fmt: skip
-"""Places of a package whose build lists its files, so that core and actuator stay apart."""
+"""Places of a package whose build lists its files; core and actuator are in different folders."""
 
 VECTORS_TEMPLATE = "golden_vectors.h.j2"
 MAIN_TEMPLATE = "golden_main.c.j2"
@@ -171,7 +171,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
 
 
 def check_package(package: str | None) -> None:
-    """Refuse a package that is not known."""
+    """Raise an error if a package is unknown."""
     if package is not None and package not in PACKAGES:
         text = f"--package: unknown package '{package}'; give {', '.join(PACKAGES)}"
         raise InputError(text, code="unknown-package", key="--package")

@@ -152,7 +152,7 @@ class Verification(Result):
         return rows
 
     def facts(self) -> dict[str, str]:
-        """Return where every bit was the same, and what a tick costs there."""
+        """Return whether all bits are the same on each target, and the cost of a tick."""
         facts = {"passed": "yes" if self.passed else "no"}
         for result in self.results:
             cost = result.cost("tick")
