@@ -103,8 +103,7 @@ class Block:
 
     @property
     def memory_count(self) -> int:
-        """Number of hysteresis states: one per layer of a solid core, plus one for a laminated
-        part."""
+        """Number of hysteresis states: one per layer, and one for a laminated part."""
         if self.kind != "cells":
             return 1
         return max(self.integer("SOLID_LAYERS"), 1) + (self.word_value("SOLID_LAMINATED") > 0)
