@@ -188,7 +188,7 @@ def make_package_files(
         return files
     ecosystem = PACKAGES[package]
     places = {name: _package_path(name, ecosystem, values["name"]) for name in files}
-    every: Files = {
+    contents: Files = {
         place: _edit_file(ecosystem, place, files[name], values)
         for name, place in places.items()
         if place is not None
@@ -197,11 +197,13 @@ def make_package_files(
     template_values |= {"title": ecosystem.title, "print": ecosystem.print}
     for pattern, template in ecosystem.templates.items():
         path = pattern.format(name=values["name"])
-        every[path] = _edit_file(
+        contents[path] = _edit_file(
             ecosystem, path, render(f"packages/{template}", template_values), values
         )
-    every["LICENSE"] = license_text()
-    return every if ecosystem.archive is None else every | ecosystem.archive(every, template_values)
+    contents["LICENSE"] = license_text()
+    if ecosystem.archive is None:
+        return contents
+    return contents | ecosystem.archive(contents, template_values)
 
 
 def _edit_file(ecosystem: Ecosystem, path: str, text: str, values: Values) -> str:
@@ -230,11 +232,11 @@ def _edit_guide(text: str) -> str:
 
 def _package_path(path: str, ecosystem: Ecosystem, name: str) -> str | None:
     """Return the path in the package of a file of the folder, or None if the package omits it."""
-    part, _, below = path.partition("/")
-    if not below:
-        part, below = _folder_part(path, name), path
+    part, _, inner_path = path.partition("/")
+    if not inner_path:
+        part, inner_path = _folder_part(path, name), path
     place = ecosystem.places.get(part)
-    return None if place is None else f"{place}/{below}"
+    return None if place is None else f"{place}/{inner_path}"
 
 
 def _folder_part(file: str, name: str) -> str:
@@ -251,7 +253,7 @@ def _template_values(
     """Return what the templates show."""
     version = re.match(r"\d+\.\d+\.\d+", values["version"])
     table = files["controller.csv" if values["control"] else "vectors.csv"]
-    own = [name for name in files if name.startswith(f"{values['name']}_")]
+    own_files = [name for name in files if name.startswith(f"{values['name']}_")]
     core = sorted(name for name in files if name.startswith("src/") and name.endswith(".c"))
     return {
         **values,
@@ -260,8 +262,8 @@ def _template_values(
         # names of components have at least two characters
         "component": values["name"] if len(values["name"]) > 1 else f"actuator_{values['name']}",
         "core_files": sorted(name for name in files if name.startswith(("include/", "src/"))),
-        "own_sources": sorted(name for name in own if name.endswith(".c")),
-        "own_headers": sorted(name for name in own if name.endswith(".h")),
+        "own_sources": sorted(name for name in own_files if name.endswith(".c")),
+        "own_headers": sorted(name for name in own_files if name.endswith(".h")),
         "header": f"{values['name']}_{'controller' if values['control'] else 'parameters'}.h",
         "signals": manifest["signals"],
         "memory": manifest["memory"],

@@ -54,8 +54,8 @@ def parameters_initialiser(block: Block, names: SignalUnits, schedule: Quantity 
         lines.append(_word_line(next_word, entries, f"{word.name}: {text}"))
         next_word += word.size
     lines += _unused_lines(block, next_word, MIN_BLOCK_WORDS)
-    for _, named in sorted(tables.items()):
-        lines += ["", *_table_lines(named, block, names, schedule)]
+    for _, words in sorted(tables.items()):
+        lines += ["", *_table_lines(words, block, names, schedule)]
     return "\n".join(lines)
 
 

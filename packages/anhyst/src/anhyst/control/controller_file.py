@@ -303,10 +303,12 @@ def _find_faults(settings: ControllerTable) -> list[FileFault]:
     if limits.current_low_A > 0.0:
         text = f"{limits.current_low_A:g} A is above 0, but the current is 0 at rest; lower it"
         faults.append(FileFault(("limits", "current_low_A"), text, code="zero-outside-range"))
-    for key, unit, what in (("force_high_N", "N", "force"), ("current_high_A", "A", "current")):
+    for key, unit, quantity in (("force_high_N", "N", "force"), ("current_high_A", "A", "current")):
         value = getattr(limits, key)
         if not value > 0.0:
-            text = f"{value:g} {unit} is not above 0, but only a positive {what} lifts; raise it"
+            text = (
+                f"{value:g} {unit} is not above 0, but only a positive {quantity} lifts; raise it"
+            )
             faults.append(FileFault(("limits", key), text, code="not-above-zero"))
     return faults
 
