@@ -1,4 +1,4 @@
-"""A parameter block is taken only if every word of it is valid."""
+"""Test that a parameter block is accepted only if every word of it is valid."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ GAP_TABLES = {
     "GAP_FLUX_ARM": 0,
     "GAP_FIELD_ARM": 1,
 }
-"""Least entry of each table over the gap; the full law takes flux arms below 0."""
+"""Smallest entry of each gap table; flux coefficients of the full law may be negative."""
 
 RISING: dict[Kind, dict[str, int]] = {
     "full": {"FULL_CURVE": 0, "FULL_BRANCH": -32767, "FULL_INVERSE": 0},
     "simplified": {"SIMPLE_CURVE": 0},
     "euler": {},
 }
-"""Least first entry of each table that must not fall."""
+"""Smallest first entry of each table that must not decrease."""
 
 COMMON = {
     "POWER": (1, 2),
@@ -71,7 +71,7 @@ RANGES: dict[Kind, dict[str, tuple[int, int]]] = {
 
 
 def sealed(words: Words) -> Words:
-    """Return a copy with the checksum that belongs to it, in any format."""
+    """Return a copy with a valid checksum, in any format."""
     sound = words.copy()
     length = int(words[4]) if 8 <= words[4] <= words.size else words.size
     crc = zlib.crc32(np.concatenate([sound[:6], sound[8:length]]).tobytes())
@@ -81,7 +81,7 @@ def sealed(words: Words) -> Words:
 
 
 def changed(block: Block, at: int, value: int) -> Words:
-    """Return a block with one word replaced and the checksum put right again."""
+    """Return a block with one replaced word and a valid checksum."""
     words = block.words.copy()
     words[at] = value
     return sealed(words)
@@ -130,7 +130,7 @@ def test_a_length_that_does_not_fit_is_refused(kind: Kind) -> None:
     for capacity in (0, 1, 63, size - 1):
         assert not taken(kind, block.words[:capacity].copy())
     room = np.concatenate([block.words, np.full(9, 77, dtype=np.int16)])
-    assert taken(kind, room)  # what follows the block is not its own
+    assert taken(kind, room)  # the words after the block are not part of it
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -141,7 +141,7 @@ def test_words_out_of_range_are_refused_and_those_at_its_ends_taken(kind: Kind) 
         for value in (low - 1, high + 1, -32768):
             if value <= 32767 and not low <= value <= high:
                 assert not taken(kind, changed(block, at, value)), (name, value)
-        if not name.endswith(("SEGMENTS", "OCTAVES")):  # those decide how long tables are
+        if not name.endswith(("SEGMENTS", "OCTAVES")):  # these words set the lengths of tables
             assert taken(kind, changed(block, at, low)), (name, low)
             assert taken(kind, changed(block, at, high)), (name, high)
 
@@ -191,7 +191,7 @@ def test_more_segments_than_the_block_has_room_for_are_refused(
     block = compiled(kind)
     first = block.words.size - block.tables[table][1]
     words = changed(block, WORD_INDEX_OF_KIND[kind][table], first)
-    assert taken(kind, words)  # it ends with the block
+    assert taken(kind, words)  # the table ends with the block
     words[WORD_INDEX_OF_KIND[kind][segments]] += 1
     assert not taken(kind, sealed(words))
 

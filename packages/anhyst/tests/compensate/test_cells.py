@@ -1,7 +1,7 @@
-"""The law of play cells in fixed and floating point, against direct sums of its curves.
+"""Test the law of play cells in fixed and floating point against direct sums of its curves.
 
-The oracle here shares nothing with the compensators: no rows, no table over the gap, bisection
-instead of a closed form. What the two may differ by is stated once.
+The oracle shares no code with the compensators: it has no rows and no gap tables, and it uses
+bisection instead of a closed form.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ IRON = {
 }
 SIZES = TableSizes(gap_segments=6, curve_segments=5)
 BOUND = 1.2e-3
-"""Of the largest force: what 61 segments on each side of zero and 16 bits cost, and more than that
-nowhere, however long one goes on and wherever one starts."""
+"""Error bound relative to the largest force, for 61 segments on each side of zero and 16 bits. It
+does not depend on the length of a run or on the initial state."""
 
 ONE = 2**30
 HOLD, RANDOM = 1500, 900
@@ -52,7 +52,7 @@ HOLD, RANDOM = 1500, 900
 
 @cache
 def cells(gap_map: GapMap = "reluctance", law: str = "play-cells") -> Model:
-    """Return the magnet of the other tests with an iron of play cells."""
+    """Return the magnet of the other tests with play cells."""
     around = magnet(gap_map, residual=0.0)
     kept = {name: around.parameters[name] for name in ("c_H", "rho", "c_out", "in_0")}
     alpha = {"alpha": 0.0016 if gap_map == "circuit" else 0.0}
@@ -67,7 +67,7 @@ def block(gap_map: GapMap = "reluctance", law: str = "play-cells", segments: int
 
 @cache
 def largest(gap_map: GapMap = "reluctance", law: str = "play-cells") -> float:
-    """Force at the widest gap and the largest current, N: reached at any gap."""
+    """Force at the widest gap and the largest current, N; it can be reached at any gap."""
     drive, gap = np.array([0.0, 2.0]), np.full(2, GAPS[-1])
     found = cells(gap_map, law).predict(drive, gap, history="demagnetised")
     return float(found.output[-1])
@@ -79,7 +79,7 @@ def ranges(gap_map: GapMap, law: str) -> tuple[Scales, DemandLimits]:
 
 
 class DirectSums:
-    """The iron and its magnet by sums of its curves, in double precision."""
+    """Iron and magnet by direct sums of the curves, in double precision."""
 
     def __init__(self, model: Model, cells_kept: FloatArray | None = None) -> None:
         self.model, self.weights = model, cell_weights(model)
@@ -98,7 +98,7 @@ class DirectSums:
         return plays, float((self.weights.weights * shape).sum())
 
     def force(self, current: float, gap: float) -> float:
-        """Advance by a current; return the force."""
+        """Apply a current; return the force."""
         over = {
             name: float(self.model.interpolate_parameter(name, np.array([gap]))[0])
             for name in ("c_H", "in_0", "rho", "c_out", "out_0")
@@ -123,7 +123,7 @@ def walk(random: np.random.Generator, size: int) -> FloatArray:
 
 
 def demands(name: str, top: float) -> tuple[FloatArray, FloatArray]:
-    """Demand and gap of a claim, N and m."""
+    """Demand and gap of a property test, N and m."""
     random = np.random.default_rng(7)
     middle, span = 0.5 * (GAPS[0] + GAPS[-1]), GAPS[-1] - GAPS[0]
     if name == "hold":
@@ -156,7 +156,7 @@ def worst(
 @pytest.mark.parametrize("io", ["q15", "q31"])
 @pytest.mark.parametrize("name", ["hold", "jumps", "small cycles", "walk"])
 def test_the_force_is_what_was_demanded(name: str, io: str) -> None:
-    """Direct sums, given the compensator's currents, come out at the demand within the bound."""
+    """With the currents of the compensator, the direct sums give the demand within the bound."""
     demand, gap = demands(name, largest())
     found = worst(FixedTwin(block(), io), DirectSums(cells()), demand, gap)
     assert found < BOUND * largest()
@@ -193,13 +193,13 @@ def twin_of(io: Io) -> FixedTwin | RealTwin:
 
 
 def turning(part: FloatArray) -> FloatArray:
-    """Return the same with a small way back after each."""
+    """Return the demands with a small reversal after each."""
     back = part - 3e-4 * np.sign(np.diff(part, prepend=0.0))
     return np.stack([part, back], axis=1).ravel()
 
 
 TURNS = turning(np.random.default_rng(5).uniform(0.15, 0.95, 150))
-"""Of the largest force."""
+"""Size of the reversals, relative to the largest force."""
 
 
 @pytest.mark.parametrize("io", ["q15", "q31", "f32", "f64"])
@@ -221,7 +221,7 @@ def test_a_path_that_turns_moves_nothing(io: Io) -> None:
 
 @pytest.mark.parametrize("io", ["q15", "q31", "f32"])
 def test_every_format_takes_the_same_way(io: Io) -> None:
-    """Rounding is all that their currents differ by, of their range: 16 bits; 24 bits."""
+    """The currents differ by rounding only: 16 bits and 24 bits of their range."""
     demand = TURNS * largest()
     one, exact = (twin_of(each).run(demand, np.full(demand.size, GAPS[0])) for each in (io, "f64"))
     assert np.abs(one - exact).max() < (1e-5 if io == "f32" else 3e-4) * 2.4
@@ -229,7 +229,7 @@ def test_every_format_takes_the_same_way(io: Io) -> None:
 
 @pytest.mark.slow
 def test_finer_rows_come_nearer() -> None:
-    """Twice as many segments on each side of zero: no floor of its own."""
+    """Twice as many segments reduce the error: there is no lower limit."""
     demand, gap = demands("walk", largest())
     oracle = DirectSums(cells())
     coarse, fine = (
@@ -240,8 +240,8 @@ def test_finer_rows_come_nearer() -> None:
 
 
 def test_nothing_creeps_in_a_minute_of_noise() -> None:
-    """At home again, the current is what it was the first time, but for what rows of the two
-    directions differ: 4e-4 of its range."""
+    """At the home values, the current is that of the first time, except for the difference of rows
+    between the two directions: 4e-4 of its range."""
     twin = FixedTwin(block(), "q31")
     random = np.random.default_rng(3)
     home = 0.5 * (GAPS[0] + GAPS[-1])
@@ -256,7 +256,7 @@ def test_nothing_creeps_in_a_minute_of_noise() -> None:
 
 
 def test_a_standing_demand_stands() -> None:
-    """Two more ticks take up what the first was rounded by; then nothing of the memory changes."""
+    """Two more ticks remove the rounding of the first; then the state does not change."""
     core, random = FixedCompensator("cells", block().words), np.random.default_rng(1)
     for code, gap in random.integers(0, 2**31 - 1, (200, 2)).tolist():
         for _ in range(3):
@@ -268,7 +268,7 @@ def test_a_standing_demand_stands() -> None:
 
 
 def test_rest_is_never_more_than_what_the_cells_at_rest_give() -> None:
-    """Summed up anew from the plays alone, it is the number that was kept: not a bit has drifted."""
+    """The stored sum of the resting cells equals a new sum over their plays, bit for bit."""
     words = block().words
     core, random = FixedCompensator("cells", words), np.random.default_rng(11)
     for code in random.integers(0, 2**31 - 1, 3000).tolist():
@@ -277,7 +277,7 @@ def test_rest_is_never_more_than_what_the_cells_at_rest_give() -> None:
     fresh = FixedCompensator("cells", words)
     memory = core.memory
     assert abs(memory[1]) < ONE
-    memory[2] = 0  # how many cells move is not known: all that rests is summed up
+    memory[2] = 0  # the number of moving cells is unknown: all resting cells are summed
     moving = abs(int(core.memory[2]))
     sign, r = (
         (1 if core.memory[2] > 0 else -1),
@@ -296,7 +296,7 @@ def test_rest_is_never_more_than_what_the_cells_at_rest_give() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_any_memory_leads_back_into_bounds_and_to_the_demand(seed: int) -> None:
-    """Any 32-bit patterns: a full cycle later the force is what was demanded again."""
+    """From any 32-bit patterns, the force equals the demand again after a full cycle."""
     random = np.random.default_rng(seed)
     twin = FixedTwin(block(), "q31")
     for _ in range(40):
@@ -320,7 +320,7 @@ def test_any_memory_leads_back_into_bounds_and_to_the_demand(seed: int) -> None:
 
 
 def test_a_block_of_another_kind_is_refused() -> None:
-    """Neither law takes a block of the other: the memory would mean nothing there."""
+    """Neither law accepts a block of the other, because the state would be meaningless."""
     full = build_block(magnet("reluctance"), "full", *ranges("reluctance", "play-cells"))
     core = FixedCompensator("cells", block().words)
     with pytest.raises(ValueError, match="valid"):
@@ -332,7 +332,7 @@ def test_a_block_of_another_kind_is_refused() -> None:
 
 @pytest.mark.parametrize("segments", [2, 3])
 def test_few_segments_rise_and_stay_within_saturation(segments: int) -> None:
-    """Entries moved towards the curve of iron driven far beyond its knee: valid all the same."""
+    """Shifted entries are valid, also for iron far beyond its knee."""
     knee = {"a_1": 60.0, "a_2": 90.0}
     hard = replace(cells(), parameters={**cells().parameters, **knee})
     sizes = replace(SIZES, curve_segments=segments)
@@ -341,7 +341,7 @@ def test_few_segments_rise_and_stay_within_saturation(segments: int) -> None:
 
 
 def test_fewer_cells_keep_their_weight() -> None:
-    """What neighbours are put together loses nothing, and what no field moves is left out."""
+    """Merging of neighbours keeps their sum, and cells that never move are omitted."""
     full = cell_weights(cells())
     few = merge_cells(full, 6, 1e6)
     assert few.thresholds.size == 7
@@ -357,7 +357,7 @@ def test_the_units_of_the_flux_are_those_of_the_saturated_iron() -> None:
 
 @pytest.mark.parametrize("segments", [4, 5])
 def test_a_swap_keeps_the_output(segments: int) -> None:
-    """Also where the other block has other rows: the force stays, and so does the memory nearly."""
+    """The force stays, and so does almost all of the state, even if the other block has other rows."""
     here, there = block(), block(segments=segments)
     twin = FixedTwin(here, "q31")
     demand, gap = demands("walk", largest())
@@ -379,7 +379,7 @@ def test_an_iron_whose_cells_never_move_is_refused() -> None:
 
 
 def handed_over(kind: RealKind, words: FloatArray) -> FloatArray:
-    """Return what fixed point remembers as floating point counts it."""
+    """Return the state of fixed point in the units of floating point."""
     part = words / 2.0**30
     if kind == "cells":
         part[2:4] = words[2:4]
@@ -388,7 +388,7 @@ def handed_over(kind: RealKind, words: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize("kind", ["full", "cells"])
 def test_what_fixed_point_remembers_floating_point_goes_on_with(kind: RealKind) -> None:
-    """One that remembers nothing is forty to four hundred times further off."""
+    """A demagnetised start gives an error that is forty to four hundred times larger."""
     model = cells() if kind == "cells" else magnet("reluctance", 40.0)
     of = ranges("reluctance", "play-cells")
     fixed = FixedTwin(build_block(model, kind, *of, SIZES))

@@ -1,4 +1,4 @@
-"""What solve, commit and swap promise, whatever the law."""
+"""Test the contract of solve, commit and swap for every law."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_committing_what_was_solved_gives_the_demand(kind: Kind, io: str) -> Non
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_shortcut_of_a_commit_agrees_with_finding_the_flux_from_the_current(kind: Kind) -> None:
-    """A gap one code away forbids the shortcut, and changes the current by next to nothing."""
+    """A gap that differs by one code prevents the shortcut, and hardly changes the current."""
     block = compiled(kind)
     quick, long = FixedTwin(block), FixedTwin(block)
     demand, gap = wandering()
@@ -104,7 +104,7 @@ def test_a_run_is_solve_and_commit_sample_by_sample(kind: Kind) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_short_and_long_signals_agree_within_the_resolution(kind: Kind) -> None:
-    """q15 codes put into the q31 interface give the same current, rounded."""
+    """q15 codes in the q31 interface give the same current, rounded."""
     block = compiled(kind)
     short, long = FixedCompensator(kind, block.words), FixedCompensator(kind, block.words)
     demand, gap = wandering()
@@ -170,10 +170,10 @@ def test_a_swap_between_solve_and_commit_takes_the_new_block_for_the_commit() ->
     ],
 )
 def test_more_is_not_answered_with_less(kind: Kind, reach: float, most: float) -> None:
-    """From any state met on the way, a larger demand asks for no smaller current.
+    """From any state, a larger demand does not reduce the current.
 
-    The full law keeps to that up to what is left of a solve: nothing for jumps of a fifth of the
-    range (`reach`), and a fraction of a per cent of full scale for longer ones.
+    The full law satisfies this up to the residual of a solve: exactly for jumps of a fifth of the
+    range (`reach`), and within a fraction of a per cent of full scale for larger ones.
     """
     twin = FixedTwin(compiled(kind))
     demand, gap = wandering(120)
@@ -218,7 +218,7 @@ def test_flags_show_which_limit_was_met() -> None:
 
 
 def test_a_demand_beyond_saturation_is_flagged_as_flux() -> None:
-    """The flux is held at that of saturated iron where the demand asks for more."""
+    """The flux is limited to that of saturated iron."""
     scales, limits = ranges("reluctance")
     most = 0.999 * 4.0 * scales.demand
     wide = Scales(4.0 * scales.demand, scales.current, *GAPS[:: len(GAPS) - 1])
@@ -258,7 +258,7 @@ def test_conditioning_sweeps_the_current_between_its_limits(kind: Kind) -> None:
     [("electromagnet-play-cells-scaling", 1), ("electromagnet-effective-field-scaling", 3)],
 )
 def test_a_start_up_has_all_cycles_that_help_and_no_others(name: str, cycles: int) -> None:
-    """One decides all plays that the current reaches; a law of Jiles and Atherton goes on."""
+    """One cycle moves all plays that the current reaches; a Jiles-Atherton law needs more."""
     model = truth(name).at_rest
     limits = find_limits(model)
     scales = find_scales(model, limits)
@@ -271,7 +271,7 @@ def test_a_start_up_has_all_cycles_that_help_and_no_others(name: str, cycles: in
 @pytest.mark.parametrize("io", IOS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_long_run_of_tiny_loops_does_not_wander(kind: Kind, io: str) -> None:
-    """The expected force stays where the demand is, 20 000 samples long."""
+    """The expected force stays at the demand for 20,000 samples."""
     demand = 0.5 * HIGH + 0.01 * HIGH * np.sin(0.3 * np.arange(20_000))
     twin = FixedTwin(compiled(kind), io)
     twin.run(nested(HIGH), WIDE)

@@ -1,4 +1,4 @@
-"""The drives of the core: solve and commit, limits, and the flux loop, in every format."""
+"""Test the force controllers of the core in every format: solve, commit, limits and flux loop."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ Real = ForceController | ForceControllerF32
 
 
 def table(rows: int = 5, columns: int = 9) -> FloatArray:
-    """Return currents that bend over the force and grow with the gap, A."""
+    """Return currents that are curved over the force and increase with the gap, A."""
     force, gap = np.linspace(0.0, 1.0, columns), np.linspace(1.0, 2.0, rows)
     return np.ascontiguousarray(gap[:, None] * (0.3 * force + 1.2 * force**2))
 
 
 def densities(rows: int = 5, columns: int = 9) -> FloatArray:
-    """Return flux densities in proportion to the root of the force, the same at every gap, T."""
+    """Return flux densities proportional to the root of the force, equal at every gap, T."""
     return np.ascontiguousarray(np.tile(0.8 * np.linspace(0.0, 1.0, columns), (rows, 1)))
 
 
@@ -164,7 +164,7 @@ def test_the_fixed_map_against_exact_rational_arithmetic(
         assert expected == max(force, 0)
         return
     assert 0 <= expected < ONE
-    # The force that belongs to the current, but for two of its own last places.
+    # The force of the current, except for two of its last digits.
     around = value(max(expected - 2, 0)) - 8, value(min(expected + 2, ONE - 1)) + 8
     reachable = min(max(Fraction(applied), value(0)), value(ONE - 1))
     assert around[0] <= reachable <= around[1]
@@ -272,8 +272,8 @@ def test_what_a_compensator_expects_of_an_applied_current_is_what_the_magnet_giv
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rounding_of_a_converter_leaves_no_bias_in_what_is_expected(kind: RealKind) -> None:
-    """The way back from flux to force is short of digits in fixed point: an integral that it
-    reached would pull the position away."""
+    """The conversion from flux to force has few digits in fixed point. If its error reached an
+    integral, it would shift the position."""
     drive = FixedForceController.compensator(kind, compiled(kind).words)
     fixed = FixedCompensator(kind, compiled(kind).words)
     rng = np.random.default_rng(3)
@@ -286,7 +286,7 @@ def test_rounding_of_a_converter_leaves_no_bias_in_what_is_expected(kind: RealKi
         fixed.commit_q31(current, ONE // 2)
         plain.append(fixed.output_q31() - demand)
     assert abs(np.mean(ours)) < 2e-6 * ONE
-    assert abs(np.mean(plain)) > 5e-6 * ONE  # what it would be without
+    assert abs(np.mean(plain)) > 5e-6 * ONE  # value without the limit
 
 
 def test_conditioning_comes_from_the_compensator_alone() -> None:
@@ -309,7 +309,7 @@ def test_conditioning_comes_from_the_compensator_alone() -> None:
 
 
 def test_the_flux_loop_brings_the_flux_to_where_it_is_wanted() -> None:
-    """Whatever the map is off: here the iron gives a tenth less than it says."""
+    """The loop corrects any error of the map: here the iron gives 10 % less flux."""
     drive = of_flux(0.2, 0.1, 0.2, 1.0)
     demand, density = 120.0, 0.0
     wanted = 0.8 * math.sqrt(demand / FORCE)
@@ -356,7 +356,7 @@ def test_the_flux_loop_does_not_wind_up_while_the_current_is_limited() -> None:
 
 @pytest.mark.parametrize("shunt", [1.02, 0.98])
 def test_a_shunt_that_reads_wrong_leaves_the_flux_where_it_is_wanted(shunt: float) -> None:
-    """A measured current that no limit has cut tells the integral nothing."""
+    """A measured current below its limits does not affect the integral."""
     drive = of_flux(0.2, 0.1, 0.2, 1.0)
     density = 0.0
     for _ in range(600):
@@ -368,7 +368,7 @@ def test_a_shunt_that_reads_wrong_leaves_the_flux_where_it_is_wanted(shunt: floa
 
 @pytest.mark.parametrize("limit", [1.0, 0.25])
 def test_the_fixed_flux_loop_follows_the_floating_one_with_the_same_numbers(limit: float) -> None:
-    """Whether its limits are in the way or not, with currents that were measured wrong."""
+    """Also at limits, and with wrong measured currents."""
     current_scale, flux_scale = 4.0, 1.0
     entries, wanted = words(table(), current_scale), words(densities(), flux_scale)
     loop = np.array([[20000, 0], [20000, -3], [20000, 0], [-30000, 1]], dtype=np.int16)
@@ -389,7 +389,7 @@ def test_the_fixed_flux_loop_follows_the_floating_one_with_the_same_numbers(limi
     )
     rng = np.random.default_rng(6)
     worst, limited = 0.0, 0
-    # as large as what is wanted in the mean, so that nothing leaves the full scale
+    # the mean of the demanded value, so that no signal exceeds full scale
     for demand, gap, density in rng.uniform([0.1, 0.1, 0.2], [0.7, 0.7, 0.8], (2000, 3)).tolist():
         code = fixed.solve(int(demand * ONE), int(gap * ONE), int(density * ONE))
         current = real.solve(demand, gap, density)
@@ -397,7 +397,7 @@ def test_the_fixed_flux_loop_follows_the_floating_one_with_the_same_numbers(limi
         limited += code == int(limit * (ONE - 1))
         fixed.commit(int(0.98 * code), int(gap * ONE))
         real.commit(0.98 * current, gap)
-    # no loop is closed, so what the roots differ by adds up in the integrals
+    # the loop is open, so that differences of the roots add up in the integrals
     assert worst < 1e-6 * current_scale
     assert (limited > 100) == (limit < 1.0)
 

@@ -1,4 +1,4 @@
-"""Compensators in floating point under sanitizers: any signals in any order."""
+"""Test compensators in floating point under sanitizers, with any signals in any order."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ HERE = Path(__file__).resolve().parent
 LAWS = ("full", "simplified", "cells", "solid")
 SIZES = TableSizes(gap_segments=2, curve_segments=5, inverse_segments=5, iterations=8)
 CREEP = {"full": 2e-6, "simplified": 2e-6, "cells": 2e-5, "solid": 2e-2}
-"""Of the range of the current, at rest under noise. Play cells in single precision settle on the loop
-of the largest noise within 7e-6, after 2e7 ticks too. The fields of solid iron settle meanwhile."""
+"""Largest drift of the current at rest under noise, relative to its range. Play cells in single
+precision stay on the loop of the largest noise within 7e-6, even after 2e7 ticks. The fields of a
+solid core settle meanwhile."""
 
 
 def block_of(law: str, io: RealIo) -> Block:

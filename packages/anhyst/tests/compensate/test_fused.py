@@ -1,4 +1,4 @@
-"""A compensator that the measured flux corrects, in every format."""
+"""Test a compensator with a correction by the measured flux, in every format."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.actuators import (
 ONE, NO_FLUX, NAN = 2**31, -(2**31), math.nan
 CURRENT_LIMITED = 2
 KINDS: tuple[RealKind, ...] = ("full", "simplified")
-DENSITY = 0.8  # of the largest force, T
+DENSITY = 0.8  # flux density of the largest force, T
 GAPS = (0.3e-3, 0.6e-3)
 Real = ForceController | ForceControllerF32
 
@@ -46,7 +46,7 @@ def plain(kind: RealKind, single: bool = False) -> tuple[Real, float]:
 def fused(
     kind: RealKind, *loop: float, single: bool = False, high: float = 2.0, most: float = 9.0
 ) -> Real:
-    """Return the same with a flux loop around it."""
+    """Return the compensator with a flux loop."""
     made, full = plain(kind, single)
     table = np.tile([0.0, DENSITY], (2, 1))
     made.fuse(table, np.array(loop), most, 0.0, full, *GAPS, 0.0, high)
@@ -80,7 +80,7 @@ def test_a_flux_that_follows_as_expected_leaves_the_currents_of_the_compensator(
 def test_the_measured_flux_is_brought_to_what_is_wanted_whatever_the_law_is_off(
     kind: RealKind,
 ) -> None:
-    """The iron here gives a tenth less flux than the law says."""
+    """The iron gives 10 % less flux than the law."""
     drive, (law, full) = fused(kind, 0.2, 0.1, 0.2, 1.0), plain(kind)
     demand, density = 0.4 * full, 0.0
     needed = law.solve(demand, WIDE, NAN)
@@ -93,7 +93,7 @@ def test_the_measured_flux_is_brought_to_what_is_wanted_whatever_the_law_is_off(
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_iron_is_left_with_the_current_without_what_the_flux_added(kind: RealKind) -> None:
-    """So what is off by a constant current, as an amplifier is, spoils no memory."""
+    """A constant offset of the current, as of an amplifier, does not change the hysteresis state."""
     drive, (law, full) = fused(kind, 0.0, 0.02, 0.2, 1.0), plain(kind)
     for demand in demands(full).tolist():
         current = drive.solve(demand, WIDE, 0.97 * wanted(demand, full))
@@ -122,7 +122,7 @@ def test_without_a_sample_the_fixed_one_is_its_compensator_bit_for_bit(kind: Rea
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_fixed_one_answers_anything_within_its_limits(kind: RealKind) -> None:
-    """No current leaves the limits, solving twice changes nothing, and sense comes back."""
+    """All currents are within the limits, a second solve changes nothing, and the loop recovers."""
     block = compiled(kind)
     drive = FixedForceController.compensator(block.kind, block.words)
     table = np.tile(np.array([0, 26000], dtype=np.int16), (2, 1))
@@ -153,7 +153,7 @@ def test_a_probe_that_is_stuck_adds_no_more_than_was_allowed(flux: float) -> Non
         assert abs(current - by_law) <= 0.07 + 1e-12
         drive.commit(current, WIDE)
         law.commit(by_law, WIDE)
-    # and does not have to be unlearnt longer
+    # and recovers in the same time
     for _ in range(40):
         drive.commit(drive.solve(demand, WIDE, wanted(demand, full) + 0.05), WIDE)
         law.commit(law.solve(demand, WIDE, NAN), WIDE)

@@ -1,4 +1,4 @@
-"""Every compensator keeps one contract: method and number format make no difference to its user."""
+"""Test that all methods and number formats have the same contract for the user."""
 
 from __future__ import annotations
 

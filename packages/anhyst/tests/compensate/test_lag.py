@@ -1,4 +1,4 @@
-"""A single lag of solid iron is compiled in every kind and format: fast demands are met as slow ones are."""
+"""Test that a single eddy-current lag is compiled in every kind and format."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ FORMATS: tuple[Io, ...] = ("q15", "q31", "f32")
 
 
 def late_magnet(gamma: float = 3.0) -> Model:
-    """Return a magnet of Jiles and Atherton whose field is late."""
+    """Return a Jiles-Atherton magnet with an eddy-current lag."""
     still = measured(magnet(play=105.0))
     return replace(still, parameters={**still.parameters, "gamma": gamma})
 
 
 def late_cells() -> Model:
-    """Return a magnet of play cells whose field is late, without layers."""
+    """Return a play-cell magnet with an eddy-current lag, without layers."""
     late = cell_magnet(None)
     still = measured(late.at_rest)
     return replace(still, parameters={**still.parameters, "gamma": 1.5})
@@ -37,7 +37,7 @@ def plan_of(model: Model, io: Io, kind: str = "full") -> Plan:
 
 
 def worst_error(plan: Plan, block: object, frequency: float) -> float:
-    """Return the worst force error of a wave from rest at one gap, per cent of the largest force."""
+    """Return the worst force error of a wave from rest at one gap, % of the largest force."""
     ticks = int(3 * RATE / frequency)
     wave = 0.5 - 0.5 * np.cos(2.0 * np.pi * frequency * np.arange(ticks) / RATE)
     demand = plan.block.limits.demand[1] * (0.05 + 0.6 * wave)
@@ -73,7 +73,8 @@ def test_play_cells_and_the_simplified_law_follow_a_lag_too() -> None:
 
 
 def test_at_rest_a_lag_changes_no_current() -> None:
-    """What bias and flux arm get cancels: the standing current is that of the model without it."""
+    """The additions to bias and flux coefficient cancel: the constant current is that of the model
+    without lag."""
     plan = plan_of(late_magnet(), "q31")
     demand = np.full(400, 0.4 * plan.block.limits.demand[1])
     gap = np.full(400, float(np.mean(plan.model.nodes)))

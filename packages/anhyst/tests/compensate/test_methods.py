@@ -1,4 +1,4 @@
-"""Ways from force to current: what each knows of the loops, and that its formats are one law."""
+"""Test the methods from force to current: accuracy, and equal results in all formats."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MAPS: tuple[MethodName, ...] = ("ratio", "secant", "linearised", "single-valued"
 VARIANTS: tuple[MethodName, ...] = get_args(MethodName)
 FORMATS: tuple[NumberFormat, ...] = get_args(NumberFormat)
 WIDTH = 0.1
-"""Of the loops without a model, A."""
+"""Width of the loops without a model, A."""
 
 
 def loopset(loops: list[Loop]) -> Loops:
@@ -40,7 +40,7 @@ def loopset(loops: list[Loop]) -> Loops:
 
 
 def lines(force: FloatArray, gap: float) -> FloatArray:
-    """Return a current in proportion to force and gap, A."""
+    """Return a current proportional to force and gap, A."""
     return np.asarray(0.1 + 0.012 * force + 800.0 * gap)
 
 
@@ -50,7 +50,7 @@ def roots(force: FloatArray, gap: float) -> FloatArray:
 
 
 def around(curve: object, noise: float = 0.0) -> Loops:
-    """Loops of one width around a curve, up and down again, at every gap."""
+    """Return loops of constant width around a curve, up and down, at every gap."""
     assert callable(curve)
     rng = np.random.default_rng(2)
     force = np.concatenate([np.linspace(0.0, 120.0, 400), np.linspace(120.0, 0.0, 400)])
@@ -70,7 +70,7 @@ def around(curve: object, noise: float = 0.0) -> Loops:
 
 @cache
 def known() -> tuple[Loops, Model, FluxCalibration]:
-    """Return loops of a magnet with hysteresis, its model, and a probe's calibration."""
+    """Return loops of a magnet with hysteresis, its model, and the calibration of a probe."""
     model = replace(magnet(), valid=ValidRange((0.0, 2.0), (0.0, 140.0), (GAPS[0], GAPS[-1])))
     loops, forces = [], []
     for gap in GAPS:
@@ -113,7 +113,7 @@ def fitted(variant: MethodName, number_format: NumberFormat = "f64") -> ForceCon
 
 
 def test_the_static_curve_is_the_best_of_its_kind() -> None:
-    """Both branches pass every force: no curve is nearer to the farther one than half the width."""
+    """Both branches pass every force: no curve has an error below half the width."""
     drive = make_compensator("single-valued", Sources(POINT, around(roots)), "f64")
     worst = max(
         abs(drive.solve(force, gap) - float(roots(np.array(force), gap)) - side)
@@ -148,7 +148,7 @@ def test_constants_of_a_magnet_that_is_linear_are_its_own() -> None:
         assert make_compensator("linearised", Sources(POINT, loops), "f64").solve(
             force, gap
         ) == pytest.approx(current, abs=1e-6)
-        there = float(lines(np.array(force), POINT.gap))  # a ratio knows no gap
+        there = float(lines(np.array(force), POINT.gap))  # a ratio does not depend on the gap
         assert make_compensator("ratio", Sources(POINT, loops), "f64").solve(
             force, gap
         ) == pytest.approx(there, abs=1e-6)
@@ -184,7 +184,7 @@ def test_the_chord_goes_through_zero_and_the_operating_point() -> None:
 
 
 def worst_force(variant: MethodName) -> float:
-    """Largest error of the force in slow triangles, N, the armature held; applied a tick later."""
+    """Largest force error of slow triangles, N, with fixed armature and one tick of delay."""
     drive, plant = fitted(variant), known()[1].stepper(POINT.gap, "demagnetised")
     inner = triangles(25.0, 75.0, 2000)
     lead = np.linspace(1.0, 25.0, 500)
@@ -199,7 +199,8 @@ def worst_force(variant: MethodName) -> float:
 
 @pytest.mark.slow
 def test_what_knows_more_errs_less() -> None:
-    """Each step of knowledge counts on a magnet with wide loops; the flux needs no model."""
+    """On a magnet with wide loops, each additional information reduces the error; the flux needs no
+    model."""
     errors = {variant: worst_force(variant) for variant in VARIANTS}
     assert errors["single-valued"] < errors["linearised"] < 0.5 * errors["secant"]
     assert errors["play"] < 0.6 * errors["single-valued"]
@@ -279,7 +280,7 @@ def test_the_flux_loop_is_as_fast_as_its_delay_allows() -> None:
         for given in (calibration, delayed, lagging)
     ]
     crossovers = [2.0 * np.pi * drive.parameters.constants["crossover_Hz"] for drive in drives]
-    # The proportional part takes the lag away, so that it does not count a second time.
+    # The proportional part cancels the lag, so that it does not count twice.
     assert crossovers == pytest.approx([0.5 * RATE / 1.5, 0.5 * RATE / 2.5, 0.5 * RATE / 2.5])
     first, _, third = (drive.parameters.constants for drive in drives)
     assert first["k_p_A_per_T"] == 0.0
@@ -295,7 +296,7 @@ def test_the_flux_loop_is_as_fast_as_its_delay_allows() -> None:
     ],
 )
 def test_the_flux_loop_keeps_its_phase_margin(lags: list[float], least: float) -> None:
-    """Around an iron of one slope, its low-passes held at zero order."""
+    """For an iron of constant slope, with zero-order hold for its low-passes."""
     loops, _, calibration = known()
     tick = 1.0 / RATE
     numbers = make_compensator(
@@ -396,7 +397,7 @@ BOTH = OperatingRange(0.42e-3, 0.0, RATE, RANGE, 36.0, 2.0, is_bipolar=True)
 
 @cache
 def thrusts() -> tuple[Loops, Model]:
-    """Return loops of a thrust in proportion to the flux, both ways, and the model behind them."""
+    """Return loops of a thrust proportional to the flux, in both directions, and their model."""
     whole = magnet()
     model = replace(
         whole,
@@ -417,7 +418,7 @@ def thrusts() -> tuple[Loops, Model]:
 
 @cache
 def thrust_error(variant: MethodName, number_format: NumberFormat) -> float:
-    """Return the largest error of a thrust that swings both ways less and less, N."""
+    """Return the largest error of a decaying thrust in both directions, N."""
     loops, model = thrusts()
     drive = make_compensator(variant, Sources(BOTH, loops, model), number_format)
     true, worst = model.stepper(BOTH.gap, "demagnetised"), 0.0
@@ -426,7 +427,7 @@ def thrust_error(variant: MethodName, number_format: NumberFormat) -> float:
         current = drive.solve(wanted, BOTH.gap)
         thrust = true.commit(current)
         drive.commit(current, BOTH.gap)
-        if place > 400:  # the first swings leave the demagnetised state
+        if place > 400:  # the first cycles leave the demagnetised state
             worst = max(worst, abs(thrust - wanted))
     return worst
 

@@ -1,4 +1,4 @@
-"""Near zero force: the knee of the root, the residual force, and what is reported."""
+"""Test small forces: the knee of the root, the residual force, and the flags."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def block_with(knee: int) -> tuple[FixedTwin, float]:
 
 @pytest.mark.parametrize("knee", [2, 3, 4, 5, 6, 7, 8])
 def test_force_lacks_no_more_than_the_knee_says(knee: int) -> None:
-    """Below ``2^(-2k)`` of full scale the force is too small by a quarter of that at most."""
+    """Below ``2^(-2k)`` of full scale, the force is too small by at most a quarter of that value."""
     twin, full = block_with(knee)
     demand = RESIDUAL + np.linspace(0.0, 2.0, 400) * full * 2.0 ** (-2 * knee)
     drive = twin.run(demand, WIDE)
@@ -34,13 +34,13 @@ def test_force_lacks_no_more_than_the_knee_says(knee: int) -> None:
     lacking = (demand - force) / full
     assert lacking.max() < 2.0 ** (-2 * knee) / 4.0 + 5e-4
     assert lacking.min() > -5e-4
-    if knee <= 4:  # there the line shows beyond the other errors
+    if knee <= 4:  # there the line exceeds the other errors
         assert lacking.max() > 0.9 * 2.0 ** (-2 * knee) / 4.0
 
 
 @pytest.mark.parametrize("knee", [2, 5, 8])
 def test_the_last_bit_of_a_demand_moves_the_current_by_a_bounded_amount(knee: int) -> None:
-    """The slope of the root is finite: from the force without flux on, code by code."""
+    """The slope of the root is finite, code by code from the force without flux."""
     twin, _ = block_with(knee)
     codes = int(twin.demand_codes(RESIDUAL)[0]) + 65536 * np.arange(-2, 60)
     core = FixedCompensator("full", twin.block.words)
@@ -63,14 +63,14 @@ def test_a_demand_below_the_residual_force_is_reported_and_held_there(kind: Kind
         assert twin.flags & DEMAND_LIMITED
         assert less <= at_rest
     twin.commit(twin.solve(0.0, WIDE), WIDE)
-    if twin.flags & CURRENT_LIMITED:  # no current within the limits empties the iron
+    if twin.flags & CURRENT_LIMITED:  # no current within the limits gives zero flux
         assert twin.output > RESIDUAL
         return
     assert twin.output == pytest.approx(RESIDUAL, abs=2e-4 * twin.block.scales.demand)
 
 
 def test_the_output_is_never_below_the_residual_force() -> None:
-    """A force has no sign: also under a current backwards."""
+    """A force has no sign, even with a negative current."""
     twin = FixedTwin(compiled("full"))
     drive = np.concatenate([np.linspace(0.0, 0.3, 40), np.linspace(0.3, -0.35, 100)])
     force = magnet().predict(drive, np.full(drive.size, WIDE), history="demagnetised").output

@@ -1,4 +1,4 @@
-"""A demand that is held: what small movements of gap and demand do to it in a minute."""
+"""Test a held demand during small movements of gap and demand for a minute."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ WANTED = 1e-3  # of the largest output
 
 @cache
 def model_of(name: str, *, dead_band: bool = True) -> Model:
-    # The law that forgets; play cells do not.
+    # The law with accommodation; play cells have none.
     return truth(f"{name}-effective-field-reluctance" if dead_band else f"{name}-no-dead-band")
 
 
@@ -49,7 +49,7 @@ def worst(plan: Plan, held: list[HeldDemand] | None = None) -> float:
 
 
 def off(plan: Plan, demand: FloatArray, gap: FloatArray) -> FloatArray:
-    """Output minus demand along a path, in parts of the largest output."""
+    """Output minus demand along a path, relative to the largest output."""
     current = make_twin(plan.block, plan.request.io).run(demand, gap)
     path = Way("held", "held", demand, gap)
     return np.asarray((predict_output(plan.model, current, path) - demand) / plan.reference_output)
@@ -61,7 +61,8 @@ def off(plan: Plan, demand: FloatArray, gap: FloatArray) -> FloatArray:
 )
 @pytest.mark.parametrize("swing", [1.0 / 60.0, 1.0 / 6.0])
 def test_a_force_is_held_while_the_gap_vibrates(name: str, force: float, swing: float) -> None:
-    """By 5 and 50 um of 0.3 mm, at 100 Hz: without a dead band 2.7 and 3.1 % off after 1 s."""
+    """Vibrations of 5 and 50 um of 0.3 mm at 100 Hz: without dead band the error is 2.7 and 3.1 %
+    after 1 s."""
     plan = plan_of(name)
     low, high = plan.block.scales.gap_low, plan.block.scales.gap_high
     phase = 2.0 * np.pi * 100.0 * np.arange(round(RATE)) / RATE
@@ -123,7 +124,8 @@ def test_nothing_is_lost_by_ending_where_all_repeats_itself(
 
 @pytest.mark.parametrize("io", ["q15", "q31"])
 def test_what_is_irreversible_rests_exactly_inside_the_play(io: str) -> None:
-    """It used to move by a few units at every turn, 0.7 % of the force in a minute of noise."""
+    """An earlier version moved by a few units at every reversal: 0.7 % of the force in a minute of
+    noise."""
     plan = plan_of("electromagnet")
     assert isinstance(plan.block, Block)
     twin = FixedTwin(plan.block, io)
@@ -131,7 +133,7 @@ def test_what_is_irreversible_rests_exactly_inside_the_play(io: str) -> None:
     force = 40.0
     twin.run(np.concatenate([np.linspace(0.0, 160.0, 100), np.linspace(160.0, force, 100)]), gap)
     noise = np.random.default_rng(1).normal(0.0, 0.05, 3000)
-    twin.run(force + 0.5 + noise, gap)  # away from where the play was pushed last
+    twin.run(force + 0.5 + noise, gap)  # away from the last position of the play
     before = twin.memory.copy()
     twin.run(force + 0.6 + noise, gap)
     assert twin.memory[0] != before[0]

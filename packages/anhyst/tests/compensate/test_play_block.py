@@ -1,4 +1,4 @@
-"""The parameter block of a map with one play: its words in every format, and damage of them."""
+"""Test the parameter block of a map with one play: words in every format, and damage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The map with one play: against an oracle of its own, its loop, its memory, its formats."""
+"""Test the map with one play: oracle, loop width, state and formats."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from tests.actuators import GAPS
 from tests.compensate.test_methods import POINT, RANGE, WIDTH, around, known, roots
 
 LAST = 2.0**-15
-"""Of an entry of a table, in parts of full scale."""
+"""Last digit of a table entry, relative to full scale."""
 
 
 class Oracle:
-    """The law as it is written down: tables by numpy, the commit by halving the force."""
+    """The law with tables by numpy and the commit by bisection of the force."""
 
     def __init__(self, play: PlayMap) -> None:
         self.play, self.b = play, 0.0
@@ -68,7 +68,7 @@ def controller(number_format: NumberFormat, play: PlayMap | None = None) -> Forc
 
 
 def walk(ticks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Demands, gaps, and what the amplifier adds: little, or now and then much."""
+    """Return demands, gaps, and deviations of the amplifier: small, and occasionally large."""
     rng = np.random.default_rng(5)
     place = np.arange(ticks)
     force = 45.0 + 44.0 * np.sin(0.031 * place) * np.sin(0.0071 * place)
@@ -85,7 +85,7 @@ def walk(ticks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 def test_every_format_is_the_law_as_it_is_written(
     number_format: NumberFormat, bound: float
 ) -> None:
-    """Currents, and forces expected of whatever flowed, for hundreds of ticks without a reset."""
+    """Currents and expected forces agree for hundreds of ticks without a reset."""
     drive, oracle, scales = controller(number_format), Oracle(fitted()), fitted().scales
     for force, gap, off in zip(*(row.tolist() for row in walk(200)), strict=True):
         wanted = drive.solve(force, gap)
@@ -95,7 +95,8 @@ def test_every_format_is_the_law_as_it_is_written(
         applied = min(max(wanted + off, 0.0), POINT.current_max)
         expected = drive.commit(applied, gap)
         right = oracle.commit(applied, gap)
-        # Where the map is flat a current says little of the force; what it says is the current.
+        # Where the map is flat, the force depends strongly on the current, so currents are
+        # compared.
         assert expected == pytest.approx(right, rel=0.0, abs=40.0 * bound * scales.demand)
 
 
@@ -113,7 +114,7 @@ def test_without_width_it_is_the_single_valued_map_bit_for_bit() -> None:
 
 
 def test_the_loop_has_the_measured_width() -> None:
-    """Cycled over all forces, both branches stand half the width from the middle."""
+    """In a cycle over all forces, both branches are half the width from the middle."""
     play = fit_play_map(Sources(POINT, around(roots)), "f64")
     drive = controller("fixed", play)
     gap = 0.4e-3
@@ -127,7 +128,7 @@ def test_the_loop_has_the_measured_width() -> None:
             branches[-1].append(drive.solve(force, gap))
             drive.commit(branches[-1][-1], gap)
     width = np.array(branches[0]) - np.array(branches[1])[::-1]
-    middle = (up > 30.0) & (up < 70.0)  # a radius away from where it turned
+    middle = (up > 30.0) & (up < 70.0)  # a radius away from the reversal
     assert np.abs(width[middle] - WIDTH).max() < 0.01 * WIDTH
     i = np.array(branches[0])[middle] - 0.5 * WIDTH
     assert np.abs(i - roots(up[middle], gap)).max() < 0.01 * WIDTH
@@ -180,7 +181,7 @@ def test_the_half_width_of_the_loops_is_found_and_no_branch_falls() -> None:
 
 
 def test_the_radius_is_the_best_of_all_that_minor_cycles_show() -> None:
-    """With another radius the forces of the records are expected worse."""
+    """With another radius, the force error of the records is larger."""
     loops = known()[0]
     surface = fit_surface(loops, (0.0, fitted().scales.demand), (GAPS[0], GAPS[-1]))
     assert fit_radius(surface, loops, POINT) == pytest.approx(fitted().radius)

@@ -1,4 +1,4 @@
-"""The compensator in floating point: against the model, the fixed-point one, and itself."""
+"""Test the compensator in floating point against the model and against fixed point."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_full_with_fine_tables_gives_the_demanded_force(
     gap = moving(demand.size)
     drive = RealTwin(real("full", gap_map, play, io=io)).run(demand, gap)
     force = magnet(gap_map, play).predict(drive, gap, history="demagnetised").output
-    # Where the current all but stands still as the flux rises, any error of it counts for more.
+    # Where the current hardly changes with the flux, its errors have a larger effect.
     flattest = min(1.0, float(least_slope(magnet(gap_map, play), np.array(GAPS)).min()))
     most = 2e-5 / flattest * largest_force(gap_map, play, GAPS[0])
     assert np.abs(force - demand).max() < most
@@ -115,7 +115,8 @@ def test_full_gives_the_demanded_flux_of_either_sign(play: float) -> None:
 def test_fixed_point_with_the_same_tables_differs_by_its_rounding(
     kind: RealKind, gap_map: GapMap
 ) -> None:
-    """In force: words of 16 bits in tables and arms, and the root's and field's last places."""
+    """The force differs by the 16-bit words of tables and coefficients, and by the last digits of
+    root and field."""
     demand = demanding(largest_force(gap_map, 0.0, GAPS[-1]))
     gap = moving(demand.size)
     exact = RealTwin(real(kind, gap_map, 0.0, SAME, "f64")).run(demand, gap)
@@ -136,7 +137,7 @@ def test_single_precision_follows_double(kind: RealKind) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rounding_does_not_add_up_over_a_slow_demand(kind: RealKind) -> None:
-    """A ramp of 100000 ticks, in steps of a few units in the last place of a float."""
+    """A ramp of 100,000 ticks, in steps of a few ulp of a float."""
     levels = np.array([0.1, 0.9, 0.3, 0.7]) * HIGH
     demand = np.concatenate([np.linspace(a, b, 100_000) for a, b in pairwise(levels)])
     slow = RealTwin(real(kind)).run(demand, WIDE)
@@ -177,7 +178,7 @@ def test_solving_touches_no_memory_and_may_be_repeated(kind: RealKind) -> None:
 def test_the_shortcut_of_a_commit_agrees_with_finding_the_flux_from_the_current(
     kind: RealKind, io: RealIo
 ) -> None:
-    """Any other demand in between forbids the shortcut."""
+    """Any other demand in between prevents the shortcut."""
     quick, long = (RealTwin(real(kind, io=io)) for _ in range(2))
     demand = demanding(HIGH)
     worst = 0.0
@@ -302,7 +303,7 @@ def test_a_current_that_would_fall_is_refused(kind: RealKind) -> None:
     block = real(kind, sizes=SAME, io="f64")
     (first, entries), field_arm = block.tables["GAP_FLUX_ARM"], block.table("GAP_FIELD_ARM")
     flux_arm = 0.0
-    if kind == "full":  # as low as the steepest rise of the flux over the field allows
+    if kind == "full":  # as low as the largest slope of the flux over the field allows
         share = block.word_value("FULL_REVERSIBLE")
         reversible = np.diff(block.table("FULL_CURVE"))
         pinned = np.diff(block.table("FULL_BRANCH"))[reversible.size :]

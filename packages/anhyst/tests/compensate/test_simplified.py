@@ -1,4 +1,4 @@
-"""The simplified law in fixed point: its closed form and the paper's Euler form.
+"""Test the simplified law in fixed point: its closed form and the paper's Euler form.
 
 The oracle is :class:`tests.oracles.linear_anhysteretic.LinearAnhysteretic`, which solves each step
 with the Lambert function in double precision.
@@ -35,17 +35,17 @@ LAWS = [
 """Rates of 0.7 to 148 and nu of 0.02 to 0.97, see the first test."""
 
 UNIT = MU_0 * 4e5 * (1.0 + 2e-5)
-"""Flux density that counts as 1.0, T: that of the saturated ring."""
+"""Flux density of 1.0, T: that of the saturated ring."""
 
 CLAIMED = {3: 1.5e-3, 4: 4.5e-4, 5: 3.5e-4}
-"""Error of the bounded state whatever the steps, by the exponent of the segments an octave."""
+"""Error of the bounded state for any steps, by the exponent of the segments per octave."""
 
 TINY = 2.5e-3
-"""The same, where ten thousands of steps of 1e-6 of full scale add up their rounding."""
+"""The same for ten thousands of steps of 1e-6 of full scale, whose rounding adds up."""
 
 
 def rate_of(law: LinearAnhysteretic) -> float:
-    """Distance ``S`` for a unit of flux."""
+    """Distance ``S`` per unit of flux."""
     return UNIT / MU_0 / (law.k * law.lam)
 
 
@@ -95,7 +95,7 @@ def test_the_state_is_exact_for_steps_of_any_size(
 ) -> None:
     rng = np.random.default_rng(int(1e3 * size))
     steps = rng.uniform(-size, size, 3000) * rng.uniform(0.0, 1.0, 3000)
-    flux = np.abs(np.cumsum(steps) % 3.2 - 1.6) - 0.8  # to and fro between -0.8 and 0.8
+    flux = np.abs(np.cumsum(steps) % 3.2 - 1.6) - 0.8  # cycles between -0.8 and 0.8
     off = followed(law, flux, segments=segments) - exact(law, flux)
     assert np.abs(off).max() < CLAIMED[segments]
 
@@ -109,7 +109,7 @@ def test_the_state_is_exact_along_ways_jumps_and_reversals(law: LinearAnhysteret
 
 @each_law
 def test_a_reversal_while_held_goes_back_the_way_it_came(law: LinearAnhysteretic) -> None:
-    """Just after a reversal the state runs through the hold; turning there is the sharp case."""
+    """Just after a reversal the state is in its dead band; a reversal there is the critical case."""
     hold = (1.0 - law.nu) / rate_of(law)
     ways = 0.4 * hold * np.random.default_rng(8).uniform(-1.0, 1.0, 3000)
     flux = 0.5 + np.concatenate([[0.0], np.cumsum(ways) % (0.8 * hold)])
@@ -130,7 +130,7 @@ def test_a_hundred_thousand_tiny_steps_lose_nothing(law: LinearAnhysteretic, hei
 @each_law
 @pytest.mark.parametrize("width", [1e-6, 1e-4, 1e-2])
 def test_chatter_creeps_as_that_of_the_law_does(law: LinearAnhysteretic, width: float) -> None:
-    """There and back agree: three thousand times to and fro, only the creep of the law adds up."""
+    """After three thousand small cycles, only the drift of the law itself remains."""
     flux = np.concatenate([[0.8, 0.3], np.tile([0.3 + width, 0.3], 3000)])
     assert np.abs(followed(law, flux) - exact(law, flux)).max() < TINY
 
@@ -161,12 +161,12 @@ def euler(law: LinearAnhysteretic, flux: FloatArray, substeps: int) -> FloatArra
 def test_the_euler_form_is_the_papers(law: LinearAnhysteretic, substeps: int) -> None:
     flux = reversals(-0.9, 0.9, 60, 9)
     state = FixedTwin(block_of(law, "euler", substeps=substeps)).run(flux * UNIT)
-    # Where a step passes the bend of the curve, rounding of the slope decides by how much.
+    # If a step passes the bend of the curve, the rounding of the slope determines the error.
     assert np.abs(state - euler(law, flux, substeps)).max() < 5e-3
 
 
 def test_the_closed_form_is_exact_where_the_euler_form_is_not() -> None:
-    """One step of Euler's a sample, ever fewer samples a cycle of a triangle from zero."""
+    """One Euler step per sample, with ever fewer samples per cycle of a triangle from zero."""
     law = LAWS[0]
     worst: dict[Kind, list[float]] = {"simplified": [], "euler": []}
     for samples in (10_000, 1000, 100):

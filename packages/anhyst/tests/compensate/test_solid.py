@@ -1,4 +1,4 @@
-"""Solid iron in a compensator: it follows the model's layers, tick by tick, in both precisions."""
+"""Test that a compensator follows the layers of a solid core, tick by tick, in both precisions."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ LAYERS = {
 
 
 def magnet(layers: Layers | None, gamma: float = 5.0) -> Model:
-    """Return a magnet of solid iron whose reluctance runs over the gap."""
+    """Return a magnet with a solid core whose reluctance depends on the gap."""
     return Model(
         "magnet",
         QUANTITIES["current"],
@@ -64,7 +64,7 @@ def block(model: Model, io: RealIo = "f64", *, still: bool = False) -> Block:
 
 
 def ramps(seed: int, size: int = 3000) -> tuple[FloatArray, FloatArray]:
-    """Return demands of any speed up to 100 Hz, and a gap that moves."""
+    """Return demands of any rate up to 100 Hz, and a moving gap."""
     random = np.random.default_rng(seed)
     time = np.concatenate([[0.0, 0.005], 0.005 + np.cumsum(random.uniform(0.003, 0.03, 40))])
     ends = np.concatenate([[0.0, 20.0], random.uniform(20.0, 120.0, 40)])
@@ -74,14 +74,14 @@ def ramps(seed: int, size: int = 3000) -> tuple[FloatArray, FloatArray]:
 
 
 def force_of(model: Model, current: FloatArray, gap: FloatArray) -> FloatArray:
-    """Return what the model makes of ticks that follow a rest without current."""
+    """Return the force of the model after a rest without current."""
     time = np.arange(current.size + 1) / RATE
     drive, gap = np.append(0.0, current), np.append(gap[0], gap)
     return model.predict(drive, gap, time, "demagnetised").output[1:]
 
 
 def check_what_was_applied(twin: FixedTwin | RealTwin, layers: Layers) -> None:
-    """Apply currents beside those that were solved; the force is that of the model all the same."""
+    """Apply currents that differ from the solved ones; the force is still that of the model."""
     demand, gap = ramps(2)
     random = np.random.default_rng(3)
     applied, expected = [], []
@@ -95,7 +95,7 @@ def check_what_was_applied(twin: FixedTwin | RealTwin, layers: Layers) -> None:
 
 
 def check_time_stands_still(once: FixedTwin | RealTwin, often: FixedTwin | RealTwin) -> None:
-    """Solve for other demands in between; no current depends on it."""
+    """Solve for other demands in between; no current depends on them."""
     for wanted in np.linspace(0.0, 100.0, 50).tolist():
         for other in (20.0, 150.0, 80.0):
             often.solve(other, 3.5e-4)
@@ -144,7 +144,7 @@ def test_the_current_of_a_held_demand_comes_to_rest_again() -> None:
         RealTwin(one).run(demand, gap) for one in (block(model), block(model, still=True))
     )
     assert late[199] > 1.02 * still[199]
-    assert late[-1] == pytest.approx(still[-1], rel=0.02)  # the surface has seen more
+    assert late[-1] == pytest.approx(still[-1], rel=0.02)  # the surface had a larger field
     assert abs(late[-1] - late[-2]) < 1e-9
 
 

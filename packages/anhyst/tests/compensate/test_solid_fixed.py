@@ -1,4 +1,4 @@
-"""Solid iron in fixed point: it follows the layers as well as floating point does."""
+"""Test that fixed point follows the layers of a solid core as well as floating point."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fixtures of compiled folders; tests of the rigs import them as well."""
+"""Fixtures of compiled folders; tests of the rigs import them too."""
 
 from tests.compilation.packaged import case, place, undrawn
 

@@ -1,4 +1,4 @@
-"""What packages are made of in the tests: folders that are compiled once, and compilers."""
+"""Folders that are compiled once for the tests of packages, and compilers."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CONTROLLER = ROOT / "examples" / "bearing" / "controller.toml"
 
 @dataclass(frozen=True)
 class Plain:
-    """What a package is made of: the files of a compiled folder, its manifest, its names."""
+    """Inputs of a package: files of a compiled folder, its manifest, and its names."""
 
     files: Mapping[str, str]
     manifest: Mapping[str, Any]
@@ -43,7 +43,7 @@ class Plain:
 
 
 def recorded(module: Any, compile_: Callable[[], object]) -> Plain:
-    """Compile without a package, and keep what a package would be made of."""
+    """Compile without a package, and store the inputs of a package."""
     kept: list[Plain] = []
 
     def keep(package: None, files: Any, manifest: Any, values: Any) -> Any:
@@ -125,7 +125,7 @@ def plain(place: Path, case: str) -> Plain:
 
 
 def run(*command: object, folder: Path | None = None) -> str:
-    """Run a command; return what it prints."""
+    """Run a command; return its output."""
     words = [str(word) for word in command]
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{' '.join(words)}\n{done.stdout}{done.stderr}"
@@ -140,14 +140,14 @@ def built(program: Path, sources: Iterable[Path], folders: Iterable[Path], *flag
 
 
 def passed(plain: Plain) -> str:
-    """Return what an example prints if every bit is right."""
+    """Return the output of an example if every bit is right."""
     table = plain.files["controller.csv" if plain.values["control"] else "vectors.csv"]
     return f"{len(table.splitlines()) - 1} rows, 0 differ\n"
 
 
 @pytest.fixture(scope="module", autouse=True)
 def undrawn() -> Iterator[None]:
-    """Leave the picture of a budget out: it takes a fifth of compiling."""
+    """Omit the figure of a budget, which takes a fifth of the compile time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("anhyst.compilation.budget_page._draw_deviations", lambda budget: None)
         patch.setattr("anhyst.compilation.budget_page.svg_text", lambda figure, prefix: "<svg/>")
@@ -156,7 +156,7 @@ def undrawn() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder in which the cases of packages are compiled, once each."""
+    """Return the folder in which all cases are compiled once."""
     return tmp_path_factory.mktemp("packages")
 
 

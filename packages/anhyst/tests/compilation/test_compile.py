@@ -1,4 +1,4 @@
-"""From a model file to a folder of C that compiles, runs and is as accurate as it says."""
+"""Test the way from a model file to a folder of C that compiles, runs and has the stated accuracy."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ WARNINGS = (
 )
 CASES = tuple(product(("full", "simplified"), ("q15", "q31", "f32")))
 QUICK = {("full", "q15"), ("simplified", "q31"), ("full", "f32")}
-"""Every kind and every format once; the other pairs are the rest of a sweep."""
+"""Every kind and every format once; the other combinations belong to a slow sweep."""
 
 
 def measured(model: Model, low: float = 0.0, high: float = 2.0) -> Model:
-    """Give a model a valid range, as identification would."""
+    """Add a valid range to a model, as identification does."""
     gap = GAPS[0] if model.nodes else None
     ends = model.predict([high, low, high], gap, history="demagnetised").output
     over = (GAPS[0], GAPS[-1]) if model.nodes else None
@@ -78,12 +78,12 @@ def compiled(folder: Path, request: pytest.FixtureRequest) -> Compiled:
 
 @cache
 def full(folder: Path) -> Compiled:
-    """Return the compensator that most tests look at."""
+    """Return the compensator that most tests use."""
     return compile_model(folder / "magnet.toml", folder / "out", CompileRequest("full", "q15", 1e4))
 
 
 def sources_of(folder: Path) -> list[str]:
-    """Return the C files of a folder but for the example that needs a board."""
+    """Return the C files of a folder, except the example that needs a board."""
     return sorted(str(file) for file in folder.rglob("*.c") if file.parent.name != "example")
 
 
@@ -101,7 +101,7 @@ def built(place: Path, compiler: str, program: Path) -> str:
 
 
 def files_below(folder: Path) -> set[str]:
-    """Return the files of a folder by their paths below it."""
+    """Return the files of a folder by their relative paths."""
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
 
@@ -138,7 +138,7 @@ def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) 
 
 @pytest.mark.slow
 def test_budget_is_what_the_model_says_sample_by_sample(folder: Path) -> None:
-    """The budget maps currents to force in one go; the stepper does it another way."""
+    """The budget calculates all forces together; the stepper does it sample by sample."""
     plan = full(folder).plan
     path = plan.builder.output_range.paths(seed=5)[-1]
     assert path.gap is not None
@@ -244,7 +244,7 @@ def compiles_alone_on_16_bits(folder: Path) -> None:
     for path in alone:
         options = [*WARNINGS, "-mmcu=atmega1284p", "-fsyntax-only", "-x", "c"]
         if path.suffix == ".h":
-            options.append("-Wno-pedantic")  # which wants a declaration in every file
+            options.append("-Wno-pedantic")  # this flag requires a declaration in every file
         done = subprocess.run(
             [avr_gcc("avr-gcc"), *options, *include, str(path)],
             capture_output=True,
@@ -259,7 +259,7 @@ def test_every_file_compiles_alone_on_16_bits(compiled: Compiled) -> None:
 
 
 def test_the_core_is_shipped_as_it_is(compiled: Compiled) -> None:
-    """So one copy of it serves every actuator of a program."""
+    """One copy of the core serves every actuator of a program."""
     kind = compiled.plan.block.kind
     core = {name for name in compiled.files if name.startswith(("include/", "src/", "port/"))}
     for name in core:
@@ -333,7 +333,7 @@ def test_parameters_in_c_are_the_block(folder: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("io", ["q15", "f32"])
 def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io: Any) -> None:
-    """Here pointers have 64 bits: so much more for each, and padded to eight bytes."""
+    """Pointers have 64 bits here, which adds to the size; the structure is padded to 8 bytes."""
     place, suffix = (folder / "out", "") if io == "q15" else (tmp_path, "_f32")
     if io == "q15":
         manifest = full(folder).manifest

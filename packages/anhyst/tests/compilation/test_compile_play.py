@@ -1,4 +1,4 @@
-"""A map with one play as a folder of C: what it holds, that it runs, and what is refused."""
+"""Test a map with one play as a folder of C: content, execution, and rejected options."""
 
 from __future__ import annotations
 

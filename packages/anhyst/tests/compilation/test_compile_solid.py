@@ -1,4 +1,4 @@
-"""Solid iron compiled: its layers in every format, said where they are left out."""
+"""Test a compiled solid core: layers in every format, and a warning if they are omitted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every C example that a user reads compiles: in generated guides, in the docs, and the whole interrupt."""
+"""Test that every C example compiles: in generated guides, in the docs, and the interrupt."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def compiles(folder: Path, source: Path, *command: str) -> None:
 
 
 def guide(folder: Path) -> str:
-    """Return all C of a drop-in guide, in its order, as one file."""
+    """Return all C of a drop-in guide in its order, as one file."""
     text = (folder / "DROP_IN.md").read_text(encoding="utf-8")
     return "\n".join(block.code for block in blocks(text) if block.language == "c")
 
@@ -140,7 +140,7 @@ def test_the_interrupt_example_compiles_for_a_cortex_m4(folder: Path, tmp_path: 
 
 
 def run_interrupt(folder: Path, tmp_path: Path, *words: str) -> str:
-    """Run the example on a board that is simulated; return what it prints."""
+    """Run the example on a simulated board; return its output."""
     io = io_of(folder)
     type_, demand = {
         "q15": ("int16_t", "MAGNET_DEMAND_MAX / 2"),
@@ -166,7 +166,7 @@ def run_interrupt(folder: Path, tmp_path: Path, *words: str) -> str:
 
 
 def test_the_interrupt_example_starts_up_and_controls(folder: Path, tmp_path: Path) -> None:
-    """The start-up drives the whole range of the converter; half the force takes less."""
+    """The start-up uses the whole range of the converter; half of the force needs less."""
     match = re.fullmatch(r"(\d+) then (\d+)", run_interrupt(folder, tmp_path))
     assert match is not None
     largest, then = map(int, match.groups())
@@ -178,7 +178,7 @@ def test_the_interrupt_example_starts_up_and_controls(folder: Path, tmp_path: Pa
 def test_the_interrupt_example_switches_off_on_a_fault(
     folder: Path, tmp_path: Path, fault: str
 ) -> None:
-    """Within 21 ticks of a broken gap sensor or of a current that reads zero."""
+    """It switches off within 21 ticks of a broken gap sensor or of a current that reads zero."""
     assert run_interrupt(folder, tmp_path, fault) == "off at 32020"
 
 
@@ -187,7 +187,7 @@ def test_the_interrupt_example_survives_missed_ticks(folder: Path, tmp_path: Pat
 
 
 def test_header_states_the_limits_of_the_block(folder: Path) -> None:
-    """And names every function that a context must know of."""
+    """The header also lists every function with its permitted context."""
     text = (folder / "magnet_parameters.h").read_text(encoding="utf-8")
     for signal in ("DEMAND", "CURRENT", "GAP"):
         low, high = (

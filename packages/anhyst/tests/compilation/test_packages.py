@@ -1,4 +1,4 @@
-"""Packages of ecosystems: their layout, their manifests, and the command."""
+"""Test packages of ecosystems: their layout, their manifests, and the command."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ PDSC_ATTRIBUTES = {
     "file": {"category", "name", "attr", "select"},
     "release": {"version"},
 }  # fmt: skip
-"""What the documented schema of pack descriptions (1.7) allows, as far as packs here use it."""
+"""Attributes of the documented schema of pack descriptions (1.7) that the packs use."""
 
 
 def test_the_pack_description_keeps_the_documented_rules(case: Plain, tmp_path: Path) -> None:
@@ -179,7 +179,7 @@ config FPU
 rsource "first/zephyr/Kconfig"
 rsource "second/zephyr/Kconfig"
 """
-"""What the Kconfig files of Zephyr declare, and two modules after it."""
+"""Declarations of Zephyr's Kconfig files, followed by two modules."""
 
 
 @pytest.mark.parametrize("is_m4", ["y", "n"])

@@ -1,4 +1,4 @@
-"""Packages of ecosystems, built: each plays the golden vectors bit for bit."""
+"""Test that built packages of ecosystems play the golden vectors bit for bit."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ AVR_BOARD = "arduino:avr:mega:cpu=atmega2560"
 
 
 def cmsis_program(folder: Path, name: str, program: Path) -> Path:
-    """Build what a tool would build that selects an actuator and resolves its dependencies."""
+    """Build the program of a selected actuator and its resolved dependencies."""
     root = ElementTree.parse(folder / f"anhyst.{name}.pdsc").getroot()
     components = {
         (one.get("Cgroup"), one.get("Csub")): one
@@ -75,7 +75,7 @@ target_include_directories(zephyr_interface INTERFACE ${CMAKE_CURRENT_LIST_DIR})
 target_link_libraries(app PRIVATE zephyr_interface
   -Wl,--whole-archive anhyst -Wl,--no-whole-archive)
 """
-"""A stand-in for the functions of Zephyr's build that a module calls. Zephyr itself is in no
+"""Stand-in for the build functions of Zephyr that a module calls. Zephyr itself is not in a
 registry of packages."""
 
 
@@ -146,7 +146,7 @@ struct Printer {
 #include "golden_vectors.ino"
 int main() { setup(); }
 """
-"""What the Arduino core gives a sketch."""
+"""Functions of the Arduino core that a sketch uses."""
 
 
 def test_the_arduino_library_plays_the_golden_vectors(case: Plain, tmp_path: Path) -> None:
@@ -165,7 +165,7 @@ def test_the_arduino_library_plays_the_golden_vectors(case: Plain, tmp_path: Pat
 
 
 def fma_count(source: Path, include: Path, *flags: str) -> int:
-    """Count fused products and sums in the code of a source for a processor that has them."""
+    """Count fused products and sums in the machine code of a source."""
     text = run(tool("gcc"), "-O2", "-mfma", *flags, f"-I{include}", "-S", "-o", "-", source)
     return len(re.findall(r"\bvfn?m(?:add|sub)", text))
 
@@ -174,7 +174,7 @@ def fma_count(source: Path, include: Path, *flags: str) -> int:
 def test_sources_in_single_precision_fuse_no_products_without_a_flag(
     place: Path, tmp_path: Path
 ) -> None:
-    """Arduino passes no flags of a library; the pragma in each source does what the flag does."""
+    """Arduino passes no flags of a library; the pragma in each source has the same effect."""
     folder = plain(place, "single").write("arduino", tmp_path / "out") / "src"
     source = folder / "compensator" / "compensator_f32.c"
     assert fma_count(source, folder) == 0
@@ -194,7 +194,7 @@ def test_the_8_bit_compiler_builds_the_arduino_library(place: Path, tmp_path: Pa
 
 
 def renamed(text: str, number: int) -> str:
-    """Give the golden vectors of an actuator names of their own."""
+    """Rename the golden vectors of an actuator."""
     text = re.sub(r"\b(play_golden_vectors|golden_rows)\b", rf"\1_{number}", text)
     return re.sub(r"\bGOLDEN", f"G{number}", text)
 
@@ -205,7 +205,7 @@ ALL_ROWS_SAME = '#include "0.h"\n#include "1.h"\n' + (
 
 
 def both(place: Path, package: str, folder: Path) -> tuple[Path, Path]:
-    """Write packages of two actuators, whose cores have files in common."""
+    """Write packages of two actuators whose cores have common files."""
     names = ("ring", "cells")
     first, second = (plain(place, name).write(package, folder / name) for name in names)
     for number, one in enumerate((first, second)):
@@ -254,7 +254,7 @@ def test_two_zephyr_modules_share_a_core_of_the_same_version_only(
 
 
 def test_packs_name_the_shared_core_alike(place: Path, tmp_path: Path) -> None:
-    """So a project selects each source of the core once, whichever pack it comes from."""
+    """A project can then select each source of the core once, from any pack."""
     found = []
     for folder in both(place, "cmsis-pack", tmp_path):
         (file,) = folder.glob("*.pdsc")
@@ -298,7 +298,7 @@ def test_the_crate_plays_the_golden_vectors(case: Plain, tmp_path: Path) -> None
 
 @pytest.mark.slow
 def test_two_crates_keep_their_cores_apart(place: Path, tmp_path: Path) -> None:
-    """Of different iron: the structures of one core are larger than those of the other."""
+    """The structures of one core are larger than those of the other."""
     crates = [plain(place, name).write("cargo", tmp_path / name) for name in ("cells", "solid")]
     program = tmp_path / "program"
     (program / "src").mkdir(parents=True)
@@ -355,7 +355,7 @@ def test_the_arduino_builder_and_an_avr_give_the_golden_vectors(
     simulator = ["simavr", "-m", "atmega2560", "-f", "16000000", str(program)]
     with subprocess.Popen(simulator, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as running:
         assert running.stdout is not None
-        said = running.stdout.readline().decode()  # the sketch never ends
+        said = running.stdout.readline().decode()  # the sketch does not end
         running.kill()
     assert passed(plain(place, "cells")).strip() in said
 

@@ -1,4 +1,4 @@
-"""Folders of several actuators in one program, and compilers that take checks away."""
+"""Test several actuators in one program, and compilers that remove checks."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ int main(void)
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folders thin and solid in one folder."""
+    """Compile a laminated and a solid core into one folder."""
     place = tmp_path_factory.mktemp("folders")
     model = magnet(LAYERS["two"])
     for name, each in (("thin", model.at_rest), ("solid", model)):

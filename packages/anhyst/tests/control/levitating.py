@@ -1,4 +1,4 @@
-"""A levitating mass under a magnet without memory, and controllers for it, for tests."""
+"""Simulate a levitated mass below a single-valued magnet, with its controllers, for tests."""
 
 from __future__ import annotations
 
@@ -81,12 +81,12 @@ PAIR = replace(
 
 
 def force(current: float, gap: float) -> float:
-    """Pull of the magnet, N."""
+    """Force of the magnet, N."""
     return CONSTANT * (current / gap) ** 2
 
 
 def table() -> FloatArray:
-    """Its exact inverse at every entry: current over gap and force."""
+    """Exact inverse of the force at every entry: current over gap and force."""
     forces = np.linspace(0.0, SCALES.demand, 257)
     gaps = np.linspace(SCALES.gap_low, SCALES.gap_high, 33)
     return np.asarray(np.sqrt(forces / CONSTANT) * gaps[:, None])
@@ -103,7 +103,7 @@ def make_drive(
 
 
 def make(number_format: NumberFormat, control: PositionControl = CONTROL) -> AnyPosition:
-    """Return the controller, just switched on."""
+    """Return a controller in its initial state."""
     kinds = {"f64": Position, "f32": PositionF32, "fixed": FixedPosition}
     magnets = 1 if control.gap_total is None else 2
     drives = [make_drive(number_format) for _ in range(magnets)]
@@ -115,7 +115,7 @@ def make(number_format: NumberFormat, control: PositionControl = CONTROL) -> Any
 
 @dataclass
 class Rig:
-    """A mass between two stops; the currents follow their references after one tick."""
+    """Mass between two stops; the currents follow their references after one tick."""
 
     controller: AnyPosition
     load: float = LOAD
@@ -123,10 +123,10 @@ class Rig:
     gap: float = REST
     speed: float = 0.0
     current: tuple[float, float] = (0.0, 0.0)
-    hidden: Callable[[float], float] = lambda gap: gap  # what the sensor makes of the gap
+    hidden: Callable[[float], float] = lambda gap: gap  # measured gap
 
     def tick(self, target: float = TARGET, command: int = 0, feed: float = 0.0) -> Tick:
-        """Let the controller answer, then move on by a tick."""
+        """Run the controller for a tick, and then the mass."""
         answer = self.controller.tick(
             self.hidden(self.gap), target, feed, self.current, command=command
         )
@@ -141,11 +141,11 @@ class Rig:
         return answer
 
     def run(self, ticks: int, target: float = TARGET, command: int = 0) -> list[Tick]:
-        """Run on; the command comes with the first tick."""
+        """Run several ticks; the command is given in the first one."""
         return [self.tick(target, command if i == 0 else 0) for i in range(ticks)]
 
     def hover(self, ticks: int = 9000) -> list[Tick]:
-        """From power on into the air."""
+        """Run from power-on to levitation."""
         rows = self.run(30)
         rows += self.run(10, command=Command.DEMAGNETISED)
         rows += self.run(ticks, command=Command.LIFT)
@@ -158,7 +158,7 @@ def place(answer: Tick) -> tuple[State, Phase]:
 
 
 def path(rows: list[Tick]) -> list[tuple[State, Phase]]:
-    """Return states and phases in the order in which they were gone through."""
+    """Return states and phases in the order in which they occurred."""
     places = [place(row) for row in rows]
     return [now for i, now in enumerate(places) if i == 0 or now != places[i - 1]]
 
@@ -168,7 +168,7 @@ def words(control: PositionControl = CONTROL) -> Mapping[str, float]:
 
 
 def codes(value: float, one: float) -> int:
-    """Return a number as the nearest q31, as the adapter of a loop does; 0 for no number."""
+    """Return the nearest q31 of a number, as the adapter of a loop does; 0 for NaN."""
     if math.isnan(value):
         return 0
     scaled = value / one * Q31 + 0.5

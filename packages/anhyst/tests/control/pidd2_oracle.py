@@ -1,7 +1,7 @@
-"""The controller in the words of a textbook, in double precision: the oracle of the core.
+"""Textbook version of PIDD2 in double precision, as an oracle for the core.
 
-Differences are divided by the tick and then low-passed, state by state, while the core lets each
-filter move by the derivative that it gives. Nothing is shared with it.
+Differences are divided by the control period and then low-pass filtered. The core instead moves
+each filter state by its own derivative. The two implementations share no code.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""The fixed-point controller of a levitating armature in exact integers: shares nothing with C.
+"""Fixed-point position controller in exact integers, as an oracle for the C core.
 
-Written from the headers: Python's integers have no end, so that every saturation stands here as a
-sentence and nothing can wrap. Drives are the core's own; their oracle stands elsewhere.
+It was written from the headers and shares no code with C. Integers of Python have no limit, so
+every saturation is explicit and nothing can wrap. The force controllers are those of the core; they
+have their own oracle.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ def limited(a: int, low: int = LOW, high: int = HIGH) -> int:
 
 
 def product(x: int, factor: tuple[int, int]) -> int:
-    """x*mantissa/65536*2^shift, downwards."""
+    """Return x*mantissa/65536*2^shift, rounded down."""
     mantissa, shift = factor
     if shift >= 0:
         return limited(x << shift) * mantissa // 65536
@@ -35,7 +36,7 @@ def product(x: int, factor: tuple[int, int]) -> int:
 
 @dataclass
 class Pidd2:
-    """``anhyst_pidd2_q31`` from the row of its words."""
+    """Oracle of ``anhyst_pidd2_q31``, from its row of words."""
 
     words: Sequence[int]
     place: int = 0
@@ -74,7 +75,7 @@ class Pidd2:
 
 @dataclass
 class Sample:
-    """Codes of one tick; no position: dropped."""
+    """Codes of one tick; without a position the sample is dropped."""
 
     position: int | None
     target: int
@@ -86,7 +87,7 @@ class Sample:
 
 @dataclass
 class Levitation:
-    """``anhyst_levitation``: what happens when."""
+    """Oracle of ``anhyst_levitation``: the sequence of lift-off and landing."""
 
     given: Mapping[str, float]
     state: int = INIT
@@ -236,7 +237,7 @@ class Levitation:
 
 
 class Oracle:
-    """``anhyst_position_q31``, one magnet or two."""
+    """Oracle of ``anhyst_position_q31``, with one or two magnets."""
 
     def __init__(
         self,
@@ -260,7 +261,7 @@ class Oracle:
         return self.number("current_low"), self.number("current_high")
 
     def on_grid(self, current: int) -> int:
-        """Nearest current of the converter, the upper one of two."""
+        """Return the nearest current of the converter; of two, the upper one."""
         low, step = self.number("current_low"), self.number("current_step")
         return low + (2 * (current - low) + step) // (2 * step) * step
 

@@ -1,4 +1,4 @@
-"""Filters of second order."""
+"""Test filters of second order."""
 
 from __future__ import annotations
 

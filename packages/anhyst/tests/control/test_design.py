@@ -1,4 +1,4 @@
-"""The design rule: poles of a mass under the gains it gives, and what it refuses."""
+"""Test the design rule: poles of a mass with the designed gains, and rejected inputs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_damping_of_one_gives_three_equal_poles() -> None:
 
 
 def _push(mass: float, gains: Gains) -> np.ndarray:
-    """Position of the mass under a constant load, from the equation of motion."""
+    """Return the position of the mass under a constant load, from the equation of motion."""
     total = mass + gains.K_dd
     motion = np.array(
         [

@@ -1,4 +1,4 @@
-"""python-control and the core compute the same responses; gains survive the way there and back."""
+"""Test the exchange with python-control: equal responses, and gains that survive a round trip."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Row = FloatArray
 
 
 def signals(n: int = 3000) -> tuple[Row, Row, Row]:
-    """Steps of the reference, a noisy oscillating position, a load; all begin at zero."""
+    """Return steps of the reference, a noisy oscillating position and a load; all begin at zero."""
     rng = np.random.default_rng(3)
     t = np.arange(n) / RATE
     reference = 20e-6 * np.sign(np.sin(2 * np.pi * 31 * t))
@@ -102,9 +102,9 @@ def test_fixed_point_answers_as_python_control_says_of_its_words() -> None:
         output = core.solve(*tick)
         core.commit(output)
         found[i] = output * (scales.output / 2**31)
-    assert np.max(np.abs(expected)) < scales.output  # nothing was limited
-    # pidd2.h bounds a solve by rounding amplified by the derivative's factors, and the integral's
-    # drift by about one q30 a tick.
+    assert np.max(np.abs(expected)) < scales.output  # no limit was reached
+    # pidd2.h bounds the error of a solve by the rounding times the factors of the derivative, and
+    # the drift of the integral by about one q30 per tick.
     factors = {name: m / 65536.0 * 2.0**s for name, (m, s) in fixed.factors.items()}
     bound = 5 + 2 * factors["proportional"] + 3 * factors["derivative"] + 8 * factors["second"]
     drift = (1.0 + factors["integral"]) * len(found) / 2**30

@@ -1,4 +1,4 @@
-"""The position controller: core against a textbook's equations, fixed point against double."""
+"""Test PIDD2: the core against textbook equations, and fixed point against double precision."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Rows = tuple[NDArray[Any], ...]
 
 
 def record(n: int = 4000, size: float = 0.2) -> Rows:
-    """Reference, position and load as q31: steps, sines and noise of a sensor."""
+    """Return reference, position and load as q31: steps, sines and sensor noise."""
     rng = np.random.default_rng(7)
     t = np.arange(n) / GAINS.rate
     reference = size * np.sign(np.sin(2 * np.pi * 11 * t))
@@ -103,7 +103,7 @@ def test_fixed_point_stays_within_its_stated_bound() -> None:
         fallen_behind = (i + 1) * (1 + size["integral"]) / 4
         assert error <= bound + fallen_behind
         worst = max(worst, error)
-    assert worst > 1  # otherwise no rounding was seen
+    assert worst > 1  # otherwise there was no rounding
     assert (bound + fallen_behind) / Q28 < 2e-4
 
 
@@ -149,7 +149,7 @@ def test_core_refuses_gains_out_of_range() -> None:
 
 
 def ticks_at_the_limit(gains: Pidd2) -> int:
-    """Hold an error against a limited output for a second, turn it round, count."""
+    """Hold an error against a limited output for a second, reverse it, and count the ticks."""
     core = FixedController(replace(gains, low=-100.0, high=100.0, K_dd=0.0).fixed(SCALES).words)
     core.start(0, 0, 0, 0)
     far = int(0.4 * Q31)
@@ -173,7 +173,7 @@ def test_integral_follows_a_limit_that_stands_elsewhere() -> None:
     core.start(0, 0, 0, 0)
     for _ in range(10_000):
         core.commit(min(core.solve(2**28, 0, 0), 2**27))
-    # Where the integral comes to rest, what is missing equals what the error adds.
+    # When the integral is at rest, the anti-windup correction equals the contribution of the error.
     fixed = GAINS.fixed(SCALES).per_tick
     at_rest = 2**24 + fixed[1] / fixed[5] * 2**28 / Q31 * SCALES.position / SCALES.output * Q28
     assert core.wanted == pytest.approx(at_rest, rel=1e-5)
@@ -204,7 +204,7 @@ def test_start_takes_over_a_given_output() -> None:
 
 
 def test_nothing_wraps_at_the_ends_of_the_formats() -> None:
-    """Driven from end to end, the output goes with the demand and never to the other side."""
+    """At the ends of the formats, the output follows the demand and never changes its sign."""
     strong = replace(GAINS, K_p=6e7, K_i=3e9, K_d=9e4, K_dd=0.0, K_load=0.0, weight=1.0)
     core = FixedController(strong.fixed(SCALES).words)
     core.start(0, 0, 0, 0)
@@ -213,7 +213,7 @@ def test_nothing_wraps_at_the_ends_of_the_formats() -> None:
         reference, position = (HIGH, LOW) if upwards else (LOW, HIGH)
         output = core.solve(reference, position, 0)
         core.commit(output)
-        # The derivative acts against the jump; after some ticks position and integral have it.
+        # The derivative acts against the jump; after some ticks, position and integral dominate.
         if i % 100 > 20:
             assert output == (HIGH if upwards else LOW)
         assert all(LOW <= word <= HIGH for word in core.state)

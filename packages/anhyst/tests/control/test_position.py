@@ -1,4 +1,4 @@
-"""The controller of a levitating armature: lift, hover, land, and what follows a lost position."""
+"""Test the position controller: lift-off, levitation, landing, and a lost position."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_ramps_keep_their_rates(number_format: NumberFormat) -> None:
         (Phase.DESCEND, 2, 2e-3),
     ):
         values = np.array([row[column] for row in rows if place(row)[1] == phase])
-        # The last step of a ramp is shorter: it ends where it should.
+        # The last step of a ramp is shorter, because it ends at its target.
         assert np.diff(values)[1:-1] == pytest.approx(rate / RATE, rel=1e-3)
         assert len(values) > 400
 
@@ -84,7 +84,7 @@ def test_control_begins_with_the_force_of_the_breakaway(number_format: NumberFor
     before, after = rows[first - 1][3], rows[first][3]
     assert before > LOAD
     if number_format == "fixed":
-        # PIDD2 sums up in q28: what it takes over is cut to a multiple of 8 codes, nothing else.
+        # PIDD2 adds in q28: the transferred value is truncated to a multiple of 8 codes.
         assert round(after / 300.0 * 2**31) == round(before / 300.0 * 2**31) // 8 * 8
     else:
         assert after == pytest.approx(before, rel=1e-12 if number_format == "f64" else 3e-7)
@@ -174,7 +174,7 @@ def test_what_cannot_be_is_not_believed(
     rig.hover()
     rig.hidden = lambda _: wrong
     rows = rig.run(4)
-    # Infinity is no number in floating point and the end of the range in fixed point.
+    # Infinity is not a number in floating point, and is the end of the range in fixed point.
     reasons = {reason, Fault.POSITION_MISSING} if math.isinf(wrong) else {reason}
     assert [place(row)[0] for row in rows] == [State.RUN] * 3 + [State.FAULT]
     assert rig.controller.fault in reasons
@@ -183,7 +183,7 @@ def test_what_cannot_be_is_not_believed(
 
 @each_format
 def test_a_moving_armature_may_have_moved_while_unseen(number_format: NumberFormat) -> None:
-    """Each missing sample allows one step more."""
+    """Each missing sample allows one more step of the position."""
     rig = Rig(make(number_format))
     rig.hover()
     unseen = iter([math.nan, math.nan, TARGET + 55e-6])
@@ -255,9 +255,9 @@ IN_THE_AIR = {
 @pytest.mark.first(1)
 @pytest.mark.parametrize(("ticks", "begin"), IN_THE_AIR.values(), ids=IN_THE_AIR.keys())
 def test_no_pair_of_commands_lets_the_current_jump(ticks: int, begin: Command) -> None:
-    """From the current that carries the load, two commands a few ticks apart: no way round a ramp.
+    """No two commands within a few ticks can bypass a ramp of the current.
 
-    Nothing is measured with noise here, so that control by itself moves the current by little.
+    There is no sensor noise here, so that the controller itself changes the current only slightly.
     """
     start = Rig(make("fixed"))
     start.run(30)
@@ -319,7 +319,7 @@ def test_a_pair_divides_the_force_around_its_bias(number_format: NumberFormat) -
     rig.hover()
     above = rig.run(2000)[-1]
     assert rig.gap == pytest.approx(TARGET, abs=30e-9)
-    # What weighs the other way lets both magnets change places.
+    # A load in the opposite direction swaps the roles of the magnets.
     rig.load = -40.0
     below = rig.run(4000)[-1]
     assert rig.gap == pytest.approx(TARGET, abs=30e-9)
@@ -330,9 +330,9 @@ def test_a_pair_divides_the_force_around_its_bias(number_format: NumberFormat) -
 
 
 def saturate(measured: float | None) -> float:
-    """Hold the armature below its reference until the current is at its limit; tell the demand.
+    """Hold the armature below its reference until the current is at its limit; return the demand.
 
-    `measured`: current that flows in truth, if the controller is to look at it.
+    `measured`: real current, if the controller uses it.
     """
     control = replace(
         CONTROL,
@@ -352,7 +352,7 @@ def saturate(measured: float | None) -> float:
 def test_integral_follows_the_current_that_was_applied() -> None:
     driven, same, less = saturate(None), saturate(2.9), saturate(2.8)
     limit = 150.0 * (2.9 / 2.25) ** 2
-    # Where it rests, what the error adds in a tick is what is taken back: K_p e above the limit.
+    # At rest, the contribution of the error per tick equals the anti-windup: K_p e above the limit.
     above = CONTROL.pidd2.K_p * 10e-6
     assert driven == pytest.approx(limit + above, rel=1e-3)
     assert same == pytest.approx(driven, rel=1e-4)
@@ -381,5 +381,5 @@ def test_load_is_fed_forward(number_format: NumberFormat) -> None:
     rig.hover()
     before = rig.tick(feed=0.0)[3]
     assert rig.tick(feed=20.0)[3] - before == pytest.approx(20.0, rel=2e-3)
-    # Not a number feeds nothing, and leaves nothing behind.
+    # NaN adds no feedforward and has no later effect.
     assert rig.tick(feed=math.nan)[3] == pytest.approx(before, abs=0.5)

@@ -1,4 +1,4 @@
-"""The fixed-point controller against exact integers, tick by tick and to the last bit."""
+"""Test the fixed-point controller against exact integers, tick by tick and bit for bit."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Q31 = 2.0**31
 
 
 class Twin(FixedPosition):
-    """The core's controller, with the oracle beside it at every tick."""
+    """Controller of the core, with the oracle in parallel in every tick."""
 
     def __init__(self, control: PositionControl) -> None:
         settings = dict(control.settings("fixed"))
@@ -85,7 +85,7 @@ CASES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("control", CASES.values(), ids=CASES.keys())
 def test_a_whole_run(control: PositionControl) -> None:
-    """Lift, steps, load, saturation, lost samples, hold, landing, fault: every bit of it."""
+    """Lift-off, steps, load, saturation, lost samples, hold, landing and fault give the same bits."""
     twin = Twin(control)
     load = 150.0 if control.gap_total is None else 40.0
     rig = Rig(twin, load=load, gap_total=control.gap_total)
@@ -125,7 +125,7 @@ def test_a_whole_run(control: PositionControl) -> None:
 )
 @pytest.mark.parametrize("control", CASES.values(), ids=CASES.keys())
 def test_signals_that_make_no_sense(control: PositionControl, seed: int) -> None:
-    """Random samples of any size, commands at random: still the same bits."""
+    """Random samples of any size and random commands give the same bits."""
     limits = replace(control.limits, step=100e-6, max_missing_samples=1, hold=5, selftest=2)
     levitation = replace(
         control.levitation, lift_rate=4e5, set_down_rate=6e5, rise_speed=0.5, descend_speed=0.8
@@ -150,7 +150,7 @@ def test_signals_that_make_no_sense(control: PositionControl, seed: int) -> None
 
 
 def test_the_oracle_notices() -> None:
-    """One code of one gain is enough to be found."""
+    """An error of one code in one gain is found."""
     twin = Twin(CONTROL)
     twin.oracle.pidd2.words[4] += 1  # type: ignore[index]
     with pytest.raises(AssertionError):

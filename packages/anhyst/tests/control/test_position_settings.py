@@ -1,4 +1,4 @@
-"""What a controller of the position is made from, what it refuses, and how it gets ready."""
+"""Test the settings of a position controller: accepted, rejected, and its way to readiness."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_drives_are_those_of_the_format() -> None:
 
 
 def changed(**change: Any) -> PositionControl:
-    """Return the controller with something else in one of its parts, named part__field."""
+    """Return the controller with a changed field, named part__field."""
     control = CONTROL
     for path_, value in change.items():
         part, _, name = path_.partition("__")
@@ -127,7 +127,7 @@ def test_codes_stand_for_what_was_given() -> None:
     assert words["current_step"] * ampere == pytest.approx(4.5 / 65535, rel=1e-12)
     assert words["current_full"] == pytest.approx(5.0, rel=2e-5)
     assert words["current_high"] * ampere == pytest.approx(4.5, rel=1e-9)
-    # Gap of the drive over the position, at both ends of what can be.
+    # Gap of the drive over the position, at both ends of the possible range.
     for gap in (0.33e-3, 0.57e-3):
         position = (words["gap_middle"] - gap) / words["position_full"]
         factor = words["gap_mantissa_1"] / 65536.0 * 2.0 ** words["gap_shift_1"]
@@ -136,7 +136,7 @@ def test_codes_stand_for_what_was_given() -> None:
 
 
 def with_hysteresis(number_format: NumberFormat) -> tuple[Any, Any]:
-    """Return a controller with a full compensator, and its drive."""
+    """Return a controller with a full compensator, and its force controller."""
     scales, limits = ranges("reluctance")
     control = replace(
         CONTROL,
@@ -157,7 +157,7 @@ def with_hysteresis(number_format: NumberFormat) -> tuple[Any, Any]:
 
 
 def probe(drive: ForceController | FixedForceController) -> float:
-    """Return the current for some force at a middle gap; changes nothing at rest."""
+    """Return the current for some force at a middle gap; at rest, the state does not change."""
     if isinstance(drive, FixedForceController):
         return drive.solve(2**29, 2**30, -(2**31)) / 2.0**31 * ranges("reluctance")[0].current
     return drive.solve(0.25 * ranges("reluctance")[0].demand, 0.45e-3, math.nan)
@@ -182,7 +182,7 @@ def test_conditioning_drives_the_sequence_and_makes_ready(number_format: NumberF
     assert driven == pytest.approx(wanted, abs=2.0 * (CURRENTS[1] - CURRENTS[0]) / 65535)
     assert (min(driven), max(driven)) == pytest.approx(CURRENTS, abs=2e-4)
     assert rows[-1][0] == pytest.approx(0.0, abs=2e-5)
-    # The iron remembers it, until it is reported otherwise.
+    # The iron keeps this state until a demagnetised state is reported.
     conditioned = probe(drive)
     assert abs(conditioned - fresh) > 5e-4
     controller.tick(REST, TARGET, command=Command.DEMAGNETISED)

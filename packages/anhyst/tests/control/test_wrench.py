@@ -1,4 +1,4 @@
-"""A wrench shared out to drives that only pull, against the linear programme of the least force."""
+"""Test the allocation of a wrench to drives that only pull, against a linear programme."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Line = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
 def pair(place: Sequence[float], axis: int) -> list[Line]:
-    """Return two drives on one line, either way along an axis."""
+    """Return two opposing drives along an axis."""
     at = (place[0], place[1], place[2])
     along = [tuple(sign * float(k == axis) for k in range(3)) for sign in (1.0, -1.0)]
     return [(at, (d[0], d[1], d[2])) for d in along]
@@ -29,7 +29,7 @@ def above(*places: tuple[float, float]) -> list[Line]:
 
 
 CORNERS = [(x, y) for x in (ARM, -ARM) for y in (ARM, -ARM)]
-PINWHEEL: list[Line] = [  # two turn the body one way, two the other
+PINWHEEL: list[Line] = [  # two rotate the body in one direction, two in the other
     ((0.0, -ARM, 0.0), (1.0, 0.0, 0.0)),
     ((0.0, ARM, 0.0), (-1.0, 0.0, 0.0)),
     ((-ARM, 0.0, 0.0), (0.0, 1.0, 0.0)),
@@ -44,20 +44,20 @@ LAYOUTS = {
     "14": [*TWELVE, *above((0.0, ARM), (0.0, -ARM))],
 }
 RANGE = np.array([440.0, 220.0, 120.0, 8.0, 8.0, 25.0])
-"""Of random wrenches, N and N m."""
+"""Range of random wrenches, N and N m."""
 MOST = 240.0
-"""Of what one drive pulls with, N."""
+"""Largest force of one drive, N."""
 YIELDS = [1e-2, 5e-3, 1e-4, 3e-3, 3e-3, 1e-4]
 WEIGHT = np.array([0.0, 0.0, 196.2, 0.0, 0.0, 0.0])
 
 
 def pulls(lines: Sequence[Line]) -> FloatArray:
-    """Return the wrench of 1 N of each drive, a row a drive."""
+    """Return the wrench of 1 N of each drive, one row per drive."""
     return np.array([[*d, *np.cross(r, d)] for r, d in lines])
 
 
 def layout(lines: Sequence[Line], paired: bool, idle: float = 5.0) -> WrenchLayout:
-    """Return the layout, its pairs as pairs or as drives that know nothing of each other."""
+    """Return the layout, with pairs as pairs or as independent drives."""
     pull = pulls(lines)
     against = list(range(len(pull)))
     for i, j in np.argwhere(np.abs(pull[:, None] + pull).max(axis=2) < 1e-12).tolist():
@@ -71,7 +71,7 @@ def wrenches(count: int, size: float = 1.0) -> FloatArray:
 
 
 def least_sum(pull: FloatArray, wrench: FloatArray) -> float | None:
-    """Return the least sum of forces that makes a wrench; None where none do."""
+    """Return the smallest sum of forces that produces a wrench; None if there is none."""
     bounds = [(LEAST, None)] * len(pull)
     found = linprog(np.ones(len(pull)), A_eq=pull.T, b_eq=wrench, bounds=bounds)
     return float(found.fun) if found.status == 0 else None
@@ -119,7 +119,7 @@ def test_drives_that_cannot_push_along_an_axis_are_refused() -> None:
 
 
 def reaches(pull: FloatArray) -> FloatArray:
-    """Return how far each coordinate can be pushed either way beside the weight; 0 where none is held."""
+    """Return the largest wrench per coordinate and direction beside the weight; 0 if infeasible."""
     found = []
     for way in np.concatenate([np.eye(6), -np.eye(6)]):
         made = np.column_stack([pull.T, -way])
@@ -131,7 +131,7 @@ def reaches(pull: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize(("name", "survived"), [("8", 0), ("10", 0), ("12", 8), ("14", 14)])
 def test_which_single_drives_can_be_lost(name: str, survived: int) -> None:
-    """Every coordinate is still pushed both ways, with about half of what it was or more."""
+    """Every coordinate still has at least about half of its wrench in both directions."""
     pull = pulls(LAYOUTS[name])
     whole = reaches(pull)
     least = [float((reaches(np.delete(pull, i, axis=0)) / whole).min()) for i in range(len(pull))]

@@ -1,4 +1,4 @@
-"""Compiled compensators for the targets: made once from the bundled example's loops."""
+"""Compile compensators for the targets once, from loops of the bundled example."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ Seed = Callable[[str, str, str], Path]
 
 @pytest.fixture(scope="session")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Compile:
-    """Give the folder of a kind of compensator and a format of signals.
+    """Return the folder of a kind of compensator and a signal format.
 
-    ``full`` is that of Jiles and Atherton, ``cells`` the same kind for play cells, ``solid`` that
-    for two layers of them.
+    ``full`` is Jiles-Atherton, ``cells`` is the same kind for play cells, and ``solid`` is play
+    cells with two layers.
     """
 
     def make(kind: str, io: str, folder: Path) -> None:
@@ -49,7 +49,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Compile:
 
 
 def sign(folder: Path) -> None:
-    """Make the manifest agree with the files again."""
+    """Update the hashes of the manifest."""
     place = folder / "manifest.json"
     manifest = json.loads(place.read_text(encoding="utf-8"))
     for name in manifest["files"]:
@@ -59,7 +59,7 @@ def sign(folder: Path) -> None:
 
 @pytest.fixture
 def with_fault(compiled: Compile, tmp_path: Path) -> Seed:
-    """Give a copy of a compensator in one of whose files a text was replaced."""
+    """Return a copy of a compensator with a replaced text in one of its files."""
 
     def give(name: str, right: str, wrong: str) -> Path:
         folder = tmp_path / "faulty"

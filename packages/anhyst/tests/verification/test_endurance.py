@@ -1,4 +1,4 @@
-"""Long runs and damaged words of compiled compensators: what docs/reliability.md states."""
+"""Test long runs and damaged words of compiled compensators, as docs/reliability.md states."""
 
 from __future__ import annotations
 

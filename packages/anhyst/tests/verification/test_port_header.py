@@ -1,4 +1,4 @@
-"""The instructions of the Cortex-M4 header, run on an emulated one, against exact integers."""
+"""Test the instructions of the Cortex-M4 header in an emulator against exact integers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pytest
 
 from tests.repository import ROOT
 
-# Each operator over two rows of words; the third row takes the results.
+# Applies each operator to two rows of words; the third row contains the results.
 SOURCE = """
 #include "anhyst/numeric/fixed.h"
 void every(const int32_t *a, const int32_t *b, int32_t *out, int32_t n, int32_t which)
@@ -66,7 +66,7 @@ ORACLES: list[Callable[[int, int], int]] = [
 
 
 def words() -> tuple[list[int], list[int]]:
-    """Return two rows: edges with edges, then pseudo-random numbers of all magnitudes."""
+    """Return two rows: edge values with edge values, then pseudo-random numbers of all magnitudes."""
     powers = [sign * 2**k + d for k in range(0, 31, 3) for sign in (-1, 1) for d in (-1, 0, 1)]
     edges = sorted({LOW, LOW + 1, HIGH - 1, HIGH, *powers})
     draw = random.Random(4)
@@ -76,7 +76,7 @@ def words() -> tuple[list[int], list[int]]:
 
 
 def compile_object(folder: Path, header: str | None) -> bytes:
-    """Return the code of ``every`` for a Cortex-M4, which calls nothing."""
+    """Return the code of ``every`` for a Cortex-M4; it calls no other function."""
     source, image = folder / "every.c", folder / "every.elf"
     source.write_text(SOURCE, encoding="utf-8")
     command = [sys.executable, "-m", "ziglang", "cc", "-target", "thumb-freestanding-eabi"]
@@ -99,7 +99,7 @@ def compile_object(folder: Path, header: str | None) -> bytes:
 
 
 def run(image: bytes, which: int, a: list[int], b: list[int]) -> list[int]:
-    """Run ``every`` in the emulator and return its row of results."""
+    """Run ``every`` in the emulator, and return its row of results."""
     unicorn = package("unicorn")
     arm = package("unicorn.arm_const")
     machine = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)

@@ -1,4 +1,4 @@
-"""Two compiled actuators in one program: each gives bit for bit what it gives alone."""
+"""Test two compiled actuators in one program: each gives the same bits as alone."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Compile two magnets, each with a model and a kind of compensator of its own."""
+    """Compile two magnets with different models and kinds."""
 
     def compile_both(place: Path) -> None:
         write_model(measured(magnet("reluctance")), place / "left.toml")
@@ -44,7 +44,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def merged_core(folders: Path) -> dict[str, bytes]:
-    """Return the core of both folders, each file once; both must have the same bytes."""
+    """Return the core of both folders, each file once; common files must have the same bytes."""
     merged: dict[str, bytes] = {}
     for name in ("electromagnet", "solenoid"):
         for part in ("include", "src", "port"):
@@ -64,7 +64,7 @@ def test_the_example_links_both_and_gives_their_golden_currents(
     command = [str(tmp_path / "two_magnets"), *vectors]
     message = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (message.returncode, message.stdout) == (0, "1000 rows, 0 differ\n")
-    # And it would see a difference.
+    # A difference would be found.
     message = subprocess.run(
         [*command[:2], vectors[0]], capture_output=True, text=True, check=False
     )
@@ -120,7 +120,7 @@ def test_an_emulated_cortex_m4_gives_the_same(folders: Path, tmp_path: Path, por
 
 
 def rows_header(folders: Path) -> str:
-    """Write the golden vectors of both as tables of C."""
+    """Write the golden vectors of both as tables in C."""
     tables = [
         np.loadtxt(folders / name / "vectors.csv", delimiter=",", skiprows=1, dtype=np.int64)
         for name in ("electromagnet", "solenoid")

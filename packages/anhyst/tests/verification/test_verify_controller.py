@@ -1,4 +1,4 @@
-"""The compiled position controller on every target: the same bits, and what a tick costs there."""
+"""Test the compiled position controller on every target: same bits, and cost of a tick."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TICKS = ["tick, controls", "tick, ramps", "tick, rests", "tick"]
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Compile the bundled bearing's controller."""
+    """Compile the controller of the bundled bearing."""
     return made_once(tmp_path_factory, "compiled-bearing", compile_bearing) / "out"
 
 
@@ -41,7 +41,7 @@ def compile_bearing(place: Path) -> None:
 
 
 def ticks_of(found: Verification) -> list[TargetResult]:
-    """Return what was found of the controller; the compensator's bits are the same too."""
+    """Return the results of the controller; the bits of the compensator are the same too."""
     assert found.passed, found.first_failure()
     assert not any(result.warnings for result in found.results)
     results = [result for result in found.results if result.build.endswith(", controller")]
@@ -129,7 +129,7 @@ def test_msp430_gives_the_bits_of_the_host(folder: Path) -> None:
 
 
 def spoiled(folder: Path, name: str, right: str, wrong: str, place: Path) -> Path:
-    """Return a copy in one of whose files a text was replaced, with a manifest that agrees."""
+    """Return a copy with a replaced text in one of its files, and an updated manifest."""
     shutil.copytree(folder, place)
     text = (place / name).read_text()
     assert text.count(right) >= 1, right

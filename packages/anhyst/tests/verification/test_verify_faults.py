@@ -1,4 +1,4 @@
-"""Faults seeded into the C of one target alone: each must be found, and found where it is."""
+"""Seed faults into the C of one target: each must be found, at the right place."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CONDITIONING = "  return (entry)(low + (span * (number)climbed) / (number)ramp);
 
 
 def on_target(line: str, right: str, wrong: str) -> str:
-    """Give a line twice: as it is, and another for Cortex-M alone."""
+    """Return a line with two versions: unchanged, and another for Cortex-M."""
     return f"#ifdef __thumb__\n{line.replace(right, wrong)}\n#else\n{line}\n#endif"
 
 
@@ -75,7 +75,7 @@ def test_a_fault_on_the_target_is_found(with_fault: Seed, fault: str) -> None:
 
 
 def demand_at(folder: Path, step: int, scratch: Path) -> int:
-    """Ask the host which demand the generator gives at a step."""
+    """Return the demand that the generator of the host gives at a step."""
     program = build_reference(BuildFolder.create(read_bundle(folder), scratch)).program
     reply = program.run(
         [Request(START, seed=1), Request(RANDOM, steps=step + 1, window_first=step)]

@@ -1,4 +1,4 @@
-"""What ``anhyst verify`` says to bad input: one line, exit code 2."""
+"""Test bad input of ``anhyst verify``: one line, exit code 2."""
 
 from __future__ import annotations
 

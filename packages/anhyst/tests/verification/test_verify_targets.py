@@ -1,4 +1,4 @@
-"""The compiled compensators on every target: the same bits, and what they cost there."""
+"""Test the compiled compensators on every target: same bits, and their cost."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PARTS = list(COMPENSATOR_RECORD.sections[1:])
 
 
 def agrees(found: Verification) -> Verification:
-    """Every build gave the same bits, without a warning."""
+    """Whether every build gave the same bits, without a warning."""
     assert found.passed, found.first_failure()
     assert [result.label for result in found.results if result.warnings] == []
     return found
@@ -52,7 +52,7 @@ def plausible(result: TargetResult) -> None:
 def test_cortex_m4_gives_the_bits_of_the_host_and_a_grid_costs_no_second_search(
     compiled: Compile, kind: str, io: str, rounded: int, worst: int
 ) -> None:
-    """Instructions of the worst tick of this magnet, a tenth to spare."""
+    """The limits are the instructions of the worst tick of this magnet plus 10 %."""
     found = agrees(verify(compiled(kind, io), "cortex-m4", target_steps=5_000))
     assert [result.build for result in found.results] == ["portable", "port header"]
     for result in found.results:

@@ -1,4 +1,4 @@
-"""``anhyst verify`` where tools are missing: what can run runs, and the rest is listed at once."""
+"""Test ``anhyst verify`` with missing tools: other targets run, and all missing tools are listed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.refusals import says
 from tests.verification.conftest import Compile
 
 LINKING = ("as", "ld", "ld.bfd", "ld.lld", "sh")
-"""What compilers call."""
+"""Programs that compilers call."""
 
 STEPS = 200
 
@@ -29,14 +29,14 @@ def folder(compiled: Compile, tmp_path: Path) -> Path:
 
 @pytest.fixture(autouse=True)
 def little_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Few steps and builds: what is missing does not depend on how many there are."""
+    """Use few steps and builds; the missing tools do not depend on their number."""
     monkeypatch.setattr("anhyst.verification.targets.OPTIMISATIONS", ("-O2",))
     short = partial(verify, host_steps=STEPS, target_steps=STEPS)
     monkeypatch.setattr("anhyst.verification.verify", short)
 
 
 def only(*tools: str, at: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Leave no programs on the path but these and what compilers call."""
+    """Remove all programs from the path except these and those that compilers call."""
     place = at / "path"
     place.mkdir()
     for name in (*tools, *LINKING):
@@ -107,7 +107,7 @@ def test_all_that_is_missing_is_listed_at_once_and_a_named_target_that_did_not_r
         assert f"apt install {package}" in message.out
         assert f"{tool} (apt install {package})" in message.err
     assert message.err.count("\n") == 1
-    assert "clang" not in message.err  # host ran
+    assert "clang" not in message.err  # the host ran
     found = kept(folder)
     assert found["passed"] is True
     assert found["not_run"] == ["avr", "msp430", "cortex-m3-qemu"]

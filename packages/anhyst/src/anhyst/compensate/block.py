@@ -1,4 +1,4 @@
-"""A parameter block: one row of words in a number format, with the scales that give them a meaning."""
+"""Define the parameter block: words in a number format, with the scales of the signals."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WordArray = NDArray[Any]
 """Words: int16 for fixed point, float32 or float64 for floating point."""
 
 DTYPES: Mapping[NumberFormat, str] = {"fixed": "<i2", "f32": "<f4", "f64": "<f8"}
-"""Type of a word in each number format, in the order of bytes over which the checksum runs."""
+"""Type of a word in each number format, in the byte order of the checksum."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class DemandLimits:
 
 @dataclass(frozen=True)
 class TableSizes:
-    """How fine tables and searches are; segments are powers of two, given as their exponent."""
+    """Sizes of tables and numbers of iterations. Numbers of segments are exponents of 2."""
 
     gap_segments: int = 4
     curve_segments: int = 7
@@ -48,20 +48,20 @@ class TableSizes:
 
 @dataclass(frozen=True)
 class Conditioning:
-    """The sequence that makes an unknown state known: triangles over the current's range."""
+    """Start-up sequence that brings the iron into a known state: triangles over the current range."""
 
     cycles: int = 3
     ramp_ticks: int = 1000
     rate: float = 0.0
-    """Ticks a second for which it is laid out; 0: for none."""
+    """Sample rate for which the sequence was designed, Hz; 0: none."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """A parameter block with the scales that give its numbers a meaning."""
+    """Parameter block with the scales of its signals."""
 
     kind: Kind
-    words: WordArray  # in floating point each is the number that a fixed-point word stands for
+    words: WordArray  # in floating point, the value that a fixed-point word represents
     scales: Scales
     limits: DemandLimits
     tables: Mapping[str, tuple[int, int]] = field(default_factory=dict)
@@ -69,28 +69,28 @@ class Block:
 
     @property
     def is_fixed(self) -> bool:
-        """Whether the words are those of fixed point."""
+        """Whether the words are in fixed point."""
         return self.words.dtype == np.int16
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """Size in bytes."""
         return self.words.nbytes
 
     def code_of_one(self, word: Word) -> float:
-        """Return the value of a word, or of an entry of its table, that stands for 1.0."""
+        """Return the code for 1.0 of a word, or of an entry of its table."""
         return CODE_OF_ONE[word.format] if self.is_fixed else 1.0
 
     def integer(self, name: str) -> int:
-        """One integer by its name in the layout, without ``ANHYST_WORD_``."""
+        """Return an integer word by its name in the layout, without ``ANHYST_WORD_``."""
         return int(self.words[WORD_INDEX_OF_KIND[self.kind][name]])
 
     def word_value(self, name: str) -> float:
-        """One word as it is, by its name in the layout."""
+        """Return a word without conversion, by its name in the layout."""
         return float(self.words[WORD_INDEX_OF_KIND[self.kind][name]])
 
     def single_precision(self, name: str) -> float:
-        """One number of two words by its name in the layout."""
+        """Return a number of two words by its name in the layout."""
         index = WORD_INDEX_OF_KIND[self.kind][name]
         if not self.is_fixed:
             return float(self.words[index])
@@ -98,18 +98,18 @@ class Block:
 
     @property
     def c_type(self) -> str:
-        """Type of a word in C."""
+        """C type of a word."""
         return {"float32": "float", "float64": "double", "int16": "int16_t"}[self.words.dtype.name]
 
     @property
     def memory_count(self) -> int:
-        """Number of memories of its law that the iron consists of."""
+        """Number of hysteresis states: one per layer, and one for a laminated part."""
         if self.kind != "cells":
             return 1
         return max(self.integer("SOLID_LAYERS"), 1) + (self.word_value("SOLID_LAMINATED") > 0)
 
     def word_unit(self, word: Word, names: SignalUnits) -> WordUnit:
-        """Return what 1.0 of a word, or of an entry of its table, is worth."""
+        """Return scale and unit of 1.0 in a word, or in an entry of its table."""
         scale = {"": 1.0, "demand": self.scales.demand, "current": self.scales.current}[word.of]
         units = {"demand": names.output, "current": names.input}
         units |= {"output": names.output, "input": names.input}
@@ -118,32 +118,32 @@ class Block:
         return WordUnit(word.factor * scale * 2.0**shift, units.get(unit_name, unit_name))
 
     def table(self, name: str) -> WordArray:
-        """Entries of one table, by the name of the word that points to it."""
+        """Return the entries of a table, by the name of the word that points to it."""
         first, entries = self.tables[name]
         return self.words[first : first + entries]
 
 
 def split_single(value: float) -> tuple[int, int]:
-    """Return the bits of a number in single precision, low half, high half."""
+    """Return the two words of a single-precision number, low half first."""
     bits = int(np.float32(value).view(np.uint32))
     return bits & 0xFFFF, bits >> 16
 
 
 def join_single(low: int, high: int) -> float:
-    """Return the number of two words, each signed or not."""
+    """Return the single-precision number of two words, each signed or unsigned."""
     bits = (low & 0xFFFF) | (high & 0xFFFF) << 16
     return float(f"{np.uint32(bits).view(np.float32):.7g}")
 
 
 def make_core(block: Block) -> _core.FixedCompensator | _core.CompensatorF32 | _core.Compensator:
-    """Return the core's compensator of a block, demagnetised; `ValueError` if the core refuses it."""
+    """Return the core's compensator of a block, demagnetised; `ValueError` if the core rejects it."""
     if block.is_fixed:
         return _core.FixedCompensator(block.kind, block.words)
     return make_real_core(block)
 
 
 def make_real_core(block: Block) -> _core.CompensatorF32 | _core.Compensator:
-    """Return the core's compensator of a block in floating point, demagnetised."""
+    """Return the core's compensator of a floating-point block, demagnetised."""
     if block.words.dtype == np.float32:
         return _core.CompensatorF32(block.kind, block.words)
     return _core.Compensator(block.kind, block.words)

@@ -61,7 +61,7 @@ def measure_budget(plan: Plan) -> Budget:
     )
     accuracy = plan.request.accuracy
     required = None if accuracy is None else accuracy / 100.0 * plan.reference_output
-    held = tuple(measure_drift(plan))
+    held_demands = tuple(measure_drift(plan))
     return Budget(
         reference_output=plan.reference_output,
         unit=plan.model.output.unit,
@@ -69,15 +69,15 @@ def measure_budget(plan: Plan) -> Budget:
         parts=parts,
         compiled=compiled,
         total=total,
-        drift=_drift_part(held, plan.model),
-        held_demands=held,
+        drift=_drift_part(held_demands, plan.model),
+        held_demands=held_demands,
         runs=tuple(trial.compiled_runs[1]),
     )
 
 
-def _drift_part(held: Sequence[HeldDemand], model: Model) -> BudgetPart:
-    drifts = np.array([case.drift for case in held])
-    worst = held[int(np.argmax(drifts))]
+def _drift_part(held_demands: Sequence[HeldDemand], model: Model) -> BudgetPart:
+    drifts = np.array([case.drift for case in held_demands])
+    worst = held_demands[int(np.argmax(drifts))]
     return BudgetPart(
         "drift",
         f"drift of a held {model.output.name.replace('_', ' ')} in {HOLD_TIME_S:g} s",

@@ -219,7 +219,7 @@ def _pack(frame: BlockFrame, rows: CellRows, layers: Layers | None, pack: Packer
     pack.put_integer("CELLS_SEGMENTS", rows.grid.segment_exponent)
     pack.put_integer("CELLS_ZONE", rows.grid.zone_exponent)
     if layers is not None:
-        _pack_layers(pack, layers, *(one / max_field for one in frame.layer_fields(layers)))
+        _pack_layers(pack, layers, *(field / max_field for field in frame.layer_fields(layers)))
 
 
 def _pack_layers(pack: Packer, layers: Layers, rate_field: float, alpha_field: float) -> None:

@@ -305,14 +305,14 @@ def measure_half_widths(surface: Surface, loops: Loops) -> FloatArray:
     knots, rows = [], []
     for gap, members in loops.by_schedule().items():
         low, high = current_envelope(members, surface.force)
-        half = 0.5 * (high - low)
-        is_known = np.isfinite(half)
-        filled = np.interp(surface.force, surface.force[is_known], half[is_known])
+        half_width = 0.5 * (high - low)
+        is_known = np.isfinite(half_width)
+        filled = np.interp(surface.force, surface.force[is_known], half_width[is_known])
         knots.append(gap)
         rows.append(savgol_filter(filled, SMOOTHING_LEVELS, 2))
     gaps = np.clip(surface.gap, knots[0], knots[-1])
-    half = np.maximum(PchipInterpolator(knots, np.array(rows), axis=0)(gaps), 0.0)
-    return limit_slope(half, (1.0 - 1e-6) * np.diff(surface.current))
+    half_width = np.maximum(PchipInterpolator(knots, np.array(rows), axis=0)(gaps), 0.0)
+    return limit_slope(half_width, (1.0 - 1e-6) * np.diff(surface.current))
 
 
 def limit_slope(half_width: FloatArray, max_step: FloatArray) -> FloatArray:
@@ -346,8 +346,8 @@ def fit_radius(surface: Surface, loops: Loops, operating: OperatingRange) -> flo
         return float(np.mean((predicted - measured)[is_within_range] ** 2))
 
     grid = np.log(np.geomspace(*RADIUS_RANGE, RADIUS_GRID_POINTS) * operating.current_max)
-    best = int(np.argmin([mean_squared_error(at) for at in grid.tolist()]))
-    bracket = grid[max(best - 1, 0)], grid[min(best + 1, RADIUS_GRID_POINTS - 1)]
+    best_index = int(np.argmin([mean_squared_error(at) for at in grid.tolist()]))
+    bracket = grid[max(best_index - 1, 0)], grid[min(best_index + 1, RADIUS_GRID_POINTS - 1)]
     minimum = minimize_scalar(
         mean_squared_error, bounds=bracket, method="bounded", options={"xatol": 0.01}
     )

@@ -251,9 +251,9 @@ class FixedTwin(Twin):
         return type(self)(self.block, self.io)
 
     def _codes(self, values: ArrayLike, low: float, scale: float) -> CodeArray:
-        part = (np.atleast_1d(np.asarray(values, dtype=np.float64)) - low) / scale
+        share = (np.atleast_1d(np.asarray(values, dtype=np.float64)) - low) / scale
         return np.clip(
-            np.rint(part * self.code_of_one), -self.code_of_one, self.code_of_one - 1.0
+            np.rint(share * self.code_of_one), -self.code_of_one, self.code_of_one - 1.0
         ).astype(np.int32)
 
     def demand_codes(self, demand: ArrayLike) -> CodeArray:

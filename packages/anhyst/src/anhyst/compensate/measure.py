@@ -278,8 +278,10 @@ class CompensatorTrial:
             )
             note = f"in double precision, at the gaps of the tables; {part.note}"
             return replace(part, note=note)
-        fine = builder.exact_block(replace(FINE_SIZES, gap_segments=self.sizes.gap_segments))
-        deviation = compare_compensators(model, (self.exact_block, "f64"), (fine, "f64"), snapped)
+        fine_block = builder.exact_block(replace(FINE_SIZES, gap_segments=self.sizes.gap_segments))
+        deviation = compare_compensators(
+            model, (self.exact_block, "f64"), (fine_block, "f64"), snapped
+        )
         note = "selected tables compared with fine tables, in double precision, at the gaps of the tables"
         return BudgetPart("tables", "tables", deviation.worst, deviation.rms, note)
 

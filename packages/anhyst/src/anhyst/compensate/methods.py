@@ -221,8 +221,8 @@ class FluxLoop:
             to_factor("anti-windup of the flux loop", self.gains.anti_windup),
             to_smoothing_factor("delay of the flux loop", self.gains.smoothing),
         ]
-        wanted = table_words(self.flux_table, self.full_scale, "flux density")
-        return wanted, np.array(rows, dtype=np.int16)
+        flux_words = table_words(self.flux_table, self.full_scale, "flux density")
+        return flux_words, np.array(rows, dtype=np.int16)
 
 
 def _make_flux_loop(sources: Sources, surface: Surface, scales: Scales) -> FluxLoop:

@@ -155,7 +155,7 @@ class Packer:
                 largest = float(np.abs(values).max())
                 raise InputError(
                     f"table {name.lower()}: {largest:.3g} exceeds the range of its 16-bit words, "
-                    f" {32767 / code_of_one:.3g}; narrow the model's [valid], or correct its parameters",
+                    f"{32767 / code_of_one:.3g}; narrow the model's [valid], or correct its parameters",
                     code="too-large-for-fixed-point",
                 )
         self._tables[name] = words.ravel()

@@ -76,7 +76,7 @@ def difference_after_start_up(
     """
     low, high = limits.current
     corners = [low, high] * cycles + [low]
-    corners += [low + part * (high - low) for part in [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]]
+    corners += [low + fraction * (high - low) for fraction in [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]]
     drive = np.concatenate(
         [[low], *(np.linspace(*ends, RAMP_SAMPLES + 1)[1:] for ends in pairwise(corners))]
     )

@@ -122,15 +122,15 @@ class BlockSearch:
                 (value, self._table_error(replace(FINE_SIZES, **{name: value}))) for value in values
             ]
         target = TARGET_SHARE * self.allowance
-        best: tuple[float, TableSizes] | None = None
+        best_candidate: tuple[float, TableSizes] | None = None
         for sizes in self._candidates(axes):
             error = self._total_error(sizes)
-            if best is None or error < best[0]:
-                best = error, sizes
+            if best_candidate is None or error < best_candidate[0]:
+                best_candidate = error, sizes
             if error <= target:
                 break
-        assert best is not None
-        best_error, sizes = best
+        assert best_candidate is not None
+        best_error, sizes = best_candidate
         if self.kind != "cells":  # play cells are solved in closed form
             sizes = replace(sizes, iterations=self._select_iterations(sizes))
         return SearchResult(sizes, best_error, axes)

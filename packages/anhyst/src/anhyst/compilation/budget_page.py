@@ -254,13 +254,13 @@ def _path_section(budget: Budget) -> tuple[Picture, PageTable]:
         ]
         for run, error in budget.runs
     ]
-    shown = Picture(
+    picture = Picture(
         svg_text(_draw_deviations(budget), "paths"),
         "Deviation of the output from the demand along each path",
         "All compilation steps are switched on. If the current is at a limit, only deviations that "
         "a current within the limits could reduce count.",
     )
-    return shown, make_table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
+    return picture, make_table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
 
 
 def _held_table(budget: Budget) -> PageTable:

@@ -51,11 +51,11 @@ FP_CONTRACT_OFF = """\
 #pragma GCC optimize("fp-contract=off")
 #endif
 """
-"""Keeps products and sums apart, for ecosystems whose packages cannot pass -ffp-contract=off."""
+"""Pragma that prevents fused products and sums, for packages that cannot pass -ffp-contract=off."""
 
 
 def _forbid_fused_products(path: str, text: str, values: Values) -> str:
-    """Put the pragma above the code of a source in single precision."""
+    """Add the pragma to a source in single precision."""
     return FP_CONTRACT_OFF + text if values["real"] and path.endswith(".c") else text
 
 
@@ -86,7 +86,7 @@ MODULE_PLACES = {
     "include": "include", "src": "src", "port": "port", "headers": "actuator",
     "sources": "actuator", "docs": "docs", "example": "docs",
 }  # fmt: skip
-"""Places of a package whose build lists its files, so that core and actuator stay apart."""
+"""Places of a package whose build lists its files; core and actuator are in different folders."""
 
 VECTORS_TEMPLATE = "golden_vectors.h.j2"
 MAIN_TEMPLATE = "golden_main.c.j2"
@@ -171,7 +171,7 @@ PACKAGES: Mapping[str, Ecosystem] = {
 
 
 def check_package(package: str | None) -> None:
-    """Refuse a package that is not known."""
+    """Raise an error if a package is unknown."""
     if package is not None and package not in PACKAGES:
         text = f"--package: unknown package '{package}'; give {', '.join(PACKAGES)}"
         raise InputError(text, code="unknown-package", key="--package")
@@ -188,7 +188,7 @@ def make_package_files(
         return files
     ecosystem = PACKAGES[package]
     places = {name: _package_path(name, ecosystem, values["name"]) for name in files}
-    every: Files = {
+    contents: Files = {
         place: _edit_file(ecosystem, place, files[name], values)
         for name, place in places.items()
         if place is not None
@@ -197,11 +197,13 @@ def make_package_files(
     template_values |= {"title": ecosystem.title, "print": ecosystem.print}
     for pattern, template in ecosystem.templates.items():
         path = pattern.format(name=values["name"])
-        every[path] = _edit_file(
+        contents[path] = _edit_file(
             ecosystem, path, render(f"packages/{template}", template_values), values
         )
-    every["LICENSE"] = license_text()
-    return every if ecosystem.archive is None else every | ecosystem.archive(every, template_values)
+    contents["LICENSE"] = license_text()
+    if ecosystem.archive is None:
+        return contents
+    return contents | ecosystem.archive(contents, template_values)
 
 
 def _edit_file(ecosystem: Ecosystem, path: str, text: str, values: Values) -> str:
@@ -230,11 +232,11 @@ def _edit_guide(text: str) -> str:
 
 def _package_path(path: str, ecosystem: Ecosystem, name: str) -> str | None:
     """Return the path in the package of a file of the folder, or None if the package omits it."""
-    part, _, below = path.partition("/")
-    if not below:
-        part, below = _folder_part(path, name), path
+    part, _, inner_path = path.partition("/")
+    if not inner_path:
+        part, inner_path = _folder_part(path, name), path
     place = ecosystem.places.get(part)
-    return None if place is None else f"{place}/{below}"
+    return None if place is None else f"{place}/{inner_path}"
 
 
 def _folder_part(file: str, name: str) -> str:
@@ -251,7 +253,7 @@ def _template_values(
     """Return what the templates show."""
     version = re.match(r"\d+\.\d+\.\d+", values["version"])
     table = files["controller.csv" if values["control"] else "vectors.csv"]
-    own = [name for name in files if name.startswith(f"{values['name']}_")]
+    own_files = [name for name in files if name.startswith(f"{values['name']}_")]
     core = sorted(name for name in files if name.startswith("src/") and name.endswith(".c"))
     return {
         **values,
@@ -260,8 +262,8 @@ def _template_values(
         # names of components have at least two characters
         "component": values["name"] if len(values["name"]) > 1 else f"actuator_{values['name']}",
         "core_files": sorted(name for name in files if name.startswith(("include/", "src/"))),
-        "own_sources": sorted(name for name in own if name.endswith(".c")),
-        "own_headers": sorted(name for name in own if name.endswith(".h")),
+        "own_sources": sorted(name for name in own_files if name.endswith(".c")),
+        "own_headers": sorted(name for name in own_files if name.endswith(".h")),
         "header": f"{values['name']}_{'controller' if values['control'] else 'parameters'}.h",
         "signals": manifest["signals"],
         "memory": manifest["memory"],

@@ -54,8 +54,8 @@ def parameters_initialiser(block: Block, names: SignalUnits, schedule: Quantity 
         lines.append(_word_line(next_word, entries, f"{word.name}: {text}"))
         next_word += word.size
     lines += _unused_lines(block, next_word, MIN_BLOCK_WORDS)
-    for _, named in sorted(tables.items()):
-        lines += ["", *_table_lines(named, block, names, schedule)]
+    for _, words in sorted(tables.items()):
+        lines += ["", *_table_lines(words, block, names, schedule)]
     return "\n".join(lines)
 
 
@@ -82,9 +82,19 @@ def _unused_lines(block: Block, first: int, end: int) -> list[str]:
 
 
 def _word_line(index: int, entries: NDArray[Any], text: str) -> str:
-    """Return a line with one or several words and their comment."""
+    """Return a line with one or several words and their comment, wrapped to several lines."""
     row = ", ".join(map(_word_literal, entries))
-    return f"{f'    {row},':<{COMMENT_COLUMN}} /* {index:2d} {text} */"
+    return comment_line(f"    {row},".ljust(COMMENT_COLUMN), f"{index:2d} {text}")
+
+
+def comment_line(code: str, text: str) -> str:
+    """Return code with a comment after it; a long comment continues in the same column."""
+    line = f"{code} /* {text} */"
+    column = len(code) + 4
+    if len(line) <= MAX_LINE_WIDTH or column > MAX_LINE_WIDTH // 2:
+        return line
+    first, *others = wrap(text, MAX_LINE_WIDTH - column - 3)  # " */" fits on each line
+    return "\n".join([f"{code} /* {first}", *(" " * column + other for other in others)]) + " */"
 
 
 def _describe_value(word: Word, value: float, block: Block, names: SignalUnits) -> str:

@@ -247,9 +247,9 @@ def _make_golden_vectors(play: PlayMap) -> list[VectorRow]:
 
 def _percent_entries(errors: CycleErrors, max_force: float) -> dict[str, float]:
     return {
-        f"{name}_{kind}_percent": 100.0 * of(error) / max_force
+        f"{name}_{kind}_percent": 100.0 * measure(error) / max_force
         for name, error in (("major", errors.major), ("small", errors.small))
-        for kind, of in (("rms", rms), ("worst", max_magnitude))
+        for kind, measure in (("rms", rms), ("worst", max_magnitude))
     }
 
 

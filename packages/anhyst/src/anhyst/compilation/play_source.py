@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from anhyst.compensate.play_block import Words
-from anhyst.compilation.parameters import float_literal, wrap_row
+from anhyst.compilation.parameters import comment_line, float_literal, wrap_row
 from anhyst.support.block_layout import BODY_WORDS, HEAD_WORDS, MIN_BLOCK_WORDS, WORD_INDEX
 
 
@@ -37,7 +37,7 @@ def _table_lines(words: Words) -> Iterator[str]:
 
 
 def _comment_line(words: Words, first: int, end: int, text: str) -> str:
-    return f"    {_value_list(words, words[first:end])}, /* {first} {text} */"
+    return comment_line(f"    {_value_list(words, words[first:end])},", f"{first} {text}")
 
 
 def _value_list(words: Words, values: Iterable[float]) -> str:

@@ -225,9 +225,9 @@ def limit_lines(plan: Plan) -> list[str]:
     def write_limit(value: float, origin: float, scale: float) -> str:
         if io == "f32":
             return float_literal(value)
-        one = CODE_OF_ONE[io]
-        code = one // 32768 * round((value - origin) / scale * 32768.0)
-        return f"({code})" if code < 0 else f"{min(code, one - 1)}"
+        code_of_one = CODE_OF_ONE[io]
+        code = code_of_one // 32768 * round((value - origin) / scale * 32768.0)
+        return f"({code})" if code < 0 else f"{min(code, code_of_one - 1)}"
 
     texts = [
         (

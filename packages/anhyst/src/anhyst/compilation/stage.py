@@ -103,7 +103,9 @@ class StageController:
 
     def parameters_name(self, magnet: ForceController) -> str:
         """Return the C name of the parameters of a magnet."""
-        index = [one.parameters is magnet.parameters for one in self.distinct_magnets].index(True)
+        index = [other.parameters is magnet.parameters for other in self.distinct_magnets].index(
+            True
+        )
         return self.name if index == 0 else f"{self.name}_{index + 1}"
 
     @property

@@ -303,10 +303,12 @@ def _find_faults(settings: ControllerTable) -> list[FileFault]:
     if limits.current_low_A > 0.0:
         text = f"{limits.current_low_A:g} A is above 0, but the current is 0 at rest; lower it"
         faults.append(FileFault(("limits", "current_low_A"), text, code="zero-outside-range"))
-    for key, unit, what in (("force_high_N", "N", "force"), ("current_high_A", "A", "current")):
+    for key, unit, quantity in (("force_high_N", "N", "force"), ("current_high_A", "A", "current")):
         value = getattr(limits, key)
         if not value > 0.0:
-            text = f"{value:g} {unit} is not above 0, but only a positive {what} lifts; raise it"
+            text = (
+                f"{value:g} {unit} is not above 0, but only a positive {quantity} lifts; raise it"
+            )
             faults.append(FileFault(("limits", key), text, code="not-above-zero"))
     return faults
 
@@ -349,15 +351,15 @@ def error_at_key(file: ControllerFile) -> Iterator[None]:
 
 
 TABLE_COMMENTS = {
-    "design": "gains from what moves, how fast and how well damped",
-    "gains": "of the position controller",
-    "filter": "low-passes of the first and of the second derivative",
-    "limits": "hold whatever the gains are",
-    "compensation": "what turns a wanted force into a current",
-    "lift_off": "ramp of the force until the armature has left its rest, then of the reference",
-    "landing": "ramp of the reference to the rest, then of the force to zero",
-    "safety": "dropped samples that are bridged; how long the last current is held in a fault",
-    "converter": "of the current references to the amplifiers",
+    "design": "gains from mass, bandwidth and damping",
+    "gains": "gains of the position controller",
+    "filter": "low-pass filters of the first and of the second derivative",
+    "limits": "limits that do not depend on the gains",
+    "compensation": "method from a demanded force to a current",
+    "lift_off": "force ramp until the armature leaves its rest position, then reference ramp",
+    "landing": "reference ramp to the rest position, then force ramp to zero",
+    "safety": "number of replaced samples; duration of the last current in a fault",
+    "converter": "converter of the current references to the amplifiers",
     "pair": "a second magnet on the other side",
 }
 

@@ -37,16 +37,16 @@ def to_control(controller: Pidd2 | FixedPidd2) -> TransferFunction:
     library = control_library()
     p, k, d, e, load, _, s, t, weight = (float(x) for x in controller.per_tick[:9])
     has_integral, has_first_filter, has_second_filter = k != 0.0, d != 0.0 or e != 0.0, e != 0.0
-    one = Polynomial([1.0])
-    integral_factor = _W if has_integral else one
-    first_factor = _W + s if has_first_filter else one
-    second_factor = _W + t if has_second_filter else one
+    unity = Polynomial([1.0])
+    integral_factor = _W if has_integral else unity
+    first_factor = _W + s if has_first_filter else unity
+    second_factor = _W + t if has_second_filter else unity
     denominator = integral_factor * first_factor * second_factor
     position = p * denominator + k * first_factor * second_factor
     position = position + d * s * _W * integral_factor * second_factor
     position = position + e * s * t * _W**2 * integral_factor
     reference = weight * p * integral_factor + k
-    rows = [(reference, integral_factor), (-position, denominator), (Polynomial([load]), one)]
+    rows = [(reference, integral_factor), (-position, denominator), (Polynomial([load]), unity)]
     numerators, denominators = (
         [[_coefficients_in_z(row[side]) for row in rows]] for side in (0, 1)
     )
@@ -138,35 +138,35 @@ def _gains_and_shares(
     numerator: FloatArray, denominator: FloatArray
 ) -> tuple[float, float, float, float, tuple[float, float]]:
     """Return P, K, D, E and the shares of both filters."""
-    below = _coefficients_in_w(denominator)
-    above = _coefficients_in_w(numerator)
-    if not np.any(below):
+    denominator_w = _coefficients_in_w(denominator)
+    numerator_w = _coefficients_in_w(numerator)
+    if not np.any(denominator_w):
         raise InputError("transfer function: its denominator is zero", code="denominator-zero")
-    has_integral = below[0] == 0.0
-    filters = below[1:] if has_integral else below  # polynomial of the filters
+    has_integral = denominator_w[0] == 0.0
+    filters = denominator_w[1:] if has_integral else denominator_w  # polynomial of the filters
     if len(filters) > 3 or filters[0] == 0.0:
         raise InputError(
             "transfer function: has more than an integrator and two other poles; a PIDD2 has no "
             "more (control.minreal removes poles that cancel)",
             code="too-many-poles",
         )
-    if len(above) > len(below):
+    if len(numerator_w) > len(denominator_w):
         raise InputError(
             "transfer function: has more zeros than poles, so it is not causal", code="looks-ahead"
         )
-    above = np.pad(above, (0, 4 - len(above))) / filters[-1]
+    numerator_w = np.pad(numerator_w, (0, 4 - len(numerator_w))) / filters[-1]
     shares = _filter_shares(filters / filters[-1])
     s, t = shares
     if not has_integral:
-        above = np.concatenate([[0.0], above[:3]])
+        numerator_w = np.concatenate([[0.0], numerator_w[:3]])
     # The numerator belongs to (z - 1)(z - 1 + s)(z - 1 + t). A filter that does not exist has s =
     # 1, and its factor z cancels.
     for _ in range(3 - len(filters)):
-        above = above + np.concatenate([[0.0], above[:3]])
-    k = above[0] / (s * t)
-    p = (above[1] - k * (s + t)) / (s * t)
-    d = (above[2] - k - p * (s + t)) / (s * t)
-    e = (above[3] - p - d * s) / (s * t)
+        numerator_w = numerator_w + np.concatenate([[0.0], numerator_w[:3]])
+    k = numerator_w[0] / (s * t)
+    p = (numerator_w[1] - k * (s + t)) / (s * t)
+    d = (numerator_w[2] - k - p * (s + t)) / (s * t)
+    e = (numerator_w[3] - p - d * s) / (s * t)
     size = abs(p) + abs(d) * s
     return (float(p), float(k), float(d), float(e) if abs(e) * s * t > 1e-9 * size else 0.0, shares)
 

@@ -101,8 +101,8 @@ def read_bundle(folder: Path) -> Bundle:
     _check_stage(manifest_path, manifest.get("stage"))
     io = _read_text(manifest_path, manifest, "io")
     if io not in IO_BITS:
-        known = " and ".join(IO_BITS)
-        text = f"{manifest_path}: key 'io': {io} cannot be verified; only {known} can"
+        known_formats = " and ".join(IO_BITS)
+        text = f"{manifest_path}: key 'io': {io} cannot be verified; only {known_formats} can"
         raise InputError(text, code="not-verifiable", key="io")
     name, kind = (_read_text(manifest_path, manifest, key) for key in ("name", "kind"))
     rate = manifest.get("rate_Hz")

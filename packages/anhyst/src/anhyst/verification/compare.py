@@ -225,8 +225,10 @@ def compare_answers(
             return Difference("start", 0, quantity, expected, answer)
     if (difference := _compare_with_file(target, vectors)) is not None:
         return difference
-    if (wrong := _find_mismatch(host.vectors, target.vectors)) is not None:
-        return _make_difference(vectors.layout, "vectors", 0, wrong, host.vectors, target.vectors)
+    if (mismatch := _find_mismatch(host.vectors, target.vectors)) is not None:
+        return _make_difference(
+            vectors.layout, "vectors", 0, mismatch, host.vectors, target.vectors
+        )
     if host.random.hash == target.random.hash:
         return None
     return _locate_difference(vectors.layout, programs, (host.random, target.random), steps, seed)
@@ -236,12 +238,14 @@ def _compare_with_file(outcome: Answers, vectors: GoldenVectors) -> Difference |
     places = [vectors.layout.record.index(name) for name in vectors.outputs]
     answered = outcome.vectors[:, places]
     expected = np.stack(list(vectors.outputs.values()), axis=1)
-    wrong = _find_mismatch(expected, answered)
-    if wrong is None:
+    mismatch = _find_mismatch(expected, answered)
+    if mismatch is None:
         return None
-    row, column = wrong
+    row, column = mismatch
     name = list(vectors.outputs)[column]
-    return Difference("vectors", row, name, _signed(expected[wrong]), _signed(answered[wrong]))
+    return Difference(
+        "vectors", row, name, _signed(expected[mismatch]), _signed(answered[mismatch])
+    )
 
 
 def _locate_difference(
@@ -257,8 +261,8 @@ def _locate_difference(
     while True:
         marks = list(range(first, last, stride))
         hashes = (reply.checkpoints[: len(marks)] for reply in replies)
-        wrong = np.flatnonzero(np.not_equal(*hashes))
-        mismatch = int(wrong[0]) if len(wrong) else len(marks)
+        mismatches = np.flatnonzero(np.not_equal(*hashes))
+        mismatch = int(mismatches[0]) if len(mismatches) else len(marks)
         # The hash that is stored before a step covers all earlier steps.
         first, last = marks[mismatch - 1], marks[mismatch] if mismatch < len(marks) else last
         stride = _checkpoint_stride(last - first)
@@ -285,8 +289,8 @@ def _locate_difference(
 
 
 def _find_mismatch(host: Words, target: Words) -> tuple[int, int] | None:
-    wrong = np.argwhere(host != target)
-    return (int(wrong[0, 0]), int(wrong[0, 1])) if len(wrong) else None
+    mismatches = np.argwhere(host != target)
+    return (int(mismatches[0, 0]), int(mismatches[0, 1])) if len(mismatches) else None
 
 
 def _make_difference(

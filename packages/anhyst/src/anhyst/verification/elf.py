@@ -122,7 +122,7 @@ def measure_sizes(
     """Add up the sizes of all symbols of the compensator."""
     parameters = f"{actuator}_parameters"
     prefixes = ("anhyst_", parameters, f"{actuator}_controller")
-    code = control = tables = block = variables = 0
+    code = control = tables = parameters_bytes = variables = 0
     for symbol in image.symbols:
         is_counted = symbol.name.startswith(prefixes) or symbol.source in sources
         if symbol.kind == "STT_FUNC" and is_counted:
@@ -133,12 +133,12 @@ def measure_sizes(
         elif symbol.kind == "STT_OBJECT" and is_counted:
             is_constant = symbol.section.startswith(".data" if constants_in_data else ".rodata")
             if symbol.name == parameters or symbol.source == f"{parameters}.c":
-                block += symbol.size
+                parameters_bytes += symbol.size
             elif is_constant:
                 tables += symbol.size
             else:
                 variables += symbol.size
-    return ProgramSizes(code, control, tables, block, variables)
+    return ProgramSizes(code, control, tables, parameters_bytes, variables)
 
 
 WORD_BYTES = 4

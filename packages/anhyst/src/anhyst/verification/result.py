@@ -136,8 +136,8 @@ class Verification(Result):
 
     def tables(self) -> list[TextTable]:
         """Return the results as tables for people."""
-        same = ((result,) for result in self.results)
-        rows = [_make_table("bit for bit the same as on the host", _EQUALITY_COLUMNS, same)]
+        results = ((result,) for result in self.results)
+        rows = [_make_table("bit for bit the results as on the host", _EQUALITY_COLUMNS, results)]
         costs = [(result, cost) for result in self.results for cost in result.costs]
         sizes = [(result, result.sizes) for result in self.results if result.sizes is not None]
         missing = [(tool, tool.target in self.not_run) for tool in self.missing]
@@ -152,7 +152,7 @@ class Verification(Result):
         return rows
 
     def facts(self) -> dict[str, str]:
-        """Return where every bit was the same, and what a tick costs there."""
+        """Return whether all bits are the same on each target, and the cost of a tick."""
         facts = {"passed": "yes" if self.passed else "no"}
         for result in self.results:
             cost = result.cost("tick")
