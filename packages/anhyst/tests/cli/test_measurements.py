@@ -206,9 +206,7 @@ def test_one_gap_alone_is_warned_of(tmp_path: Path) -> None:
     write(tmp_path, table(rows(GAPS[:1])))
     law = PLAIN[:2]
     reported = fitted(quick("identify", "loops.csv", *law, "-o", "model.toml", cwd=tmp_path))
-    assert any(
-        "loops at only one gap: the model is valid only there" in t for t in reported
-    )
+    assert any("loops at only one gap: the model is valid only there" in t for t in reported)
     assert any("only one loop" in text for text in reported)
 
 

@@ -145,7 +145,7 @@ def test_a_single_loop_is_warned_of() -> None:
 
 def test_too_few_samples_are_warned_of() -> None:
     result = identify(loops_of(core(), samples=8))
-    assert any("samples for 7 quantities to find" in text for text in result.warnings)
+    assert any("samples for 7 parameters" in text for text in result.warnings)
 
 
 def test_a_moving_gap_is_refused() -> None:

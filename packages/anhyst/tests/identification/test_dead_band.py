@@ -67,7 +67,7 @@ def test_the_model_reports_how_wide_it_is_and_what_it_costs() -> None:
 def test_loops_of_a_law_without_dead_band_allow_none(law: str) -> None:
     result = identify(loops_of(core(law), "demagnetised", samples=48), law=law)
     assert result.model.parameters["r_d"] == 0.0
-    assert "costs more than 3%" in str(result.model.provenance.settings["dead_band"])
+    assert "by more than 3%" in str(result.model.provenance.settings["dead_band"])
 
 
 @pytest.mark.parametrize("history", ["settled", "demagnetised"])

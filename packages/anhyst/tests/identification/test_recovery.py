@@ -213,7 +213,7 @@ def test_uncertainty_grows_with_the_noise_and_shrinks_with_samples() -> None:
 
 def test_what_loops_leave_open_is_said() -> None:
     reported = uncertainty_of(identify(loops_of(magnet(), noise=NOISE), gap_map="reluctance"))
-    assert any("determined only together" in text for text in reported.statements)
+    assert any("not separable" in text for text in reported.statements)
     assert any("air core" in text for text in reported.statements)
     assert any("alpha and an offset of rho" in text for text in reported.statements)
     size = len(reported.names)

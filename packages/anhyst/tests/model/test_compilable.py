@@ -54,7 +54,7 @@ def test_a_jump_at_the_smallest_gaps_is_reported_with_the_range_that_is_left() -
     said = find_compile_obstacle(model)
     assert said is not None
     assert "it jumps at a gap of 0.0003 to 0.000337 m" in said
-    assert "narrow the gap in the model's [valid]" in said
+    assert "limit the gap in the model's [valid]" in said
     assert model.valid is not None
     beyond = replace(model.valid, schedule=(0.00036, GAPS[-1]))
     assert find_compile_obstacle(replace(model, valid=beyond)) is None

@@ -174,7 +174,7 @@ def test_free_map_starts_again_where_the_gap_steps() -> None:
     both = model.predict(np.concatenate([drive, drive]), gap)
     apart = [model.predict(drive, g).output for g in (0.3e-3, 0.5e-3)]
     assert np.array_equal(both.output, np.concatenate(apart))
-    assert any("starts again" in warning for warning in both.warnings)
+    assert any("starts with the history again" in warning for warning in both.warnings)
 
 
 def test_free_map_refuses_a_gap_that_moves() -> None:

@@ -74,12 +74,12 @@ class ModelCandidate:
 
     def details(self) -> list[str]:
         """Return the properties that distinguish candidates of the same name."""
-        free = OFFSET_NAMES - self.fixed
+        free_offsets = OFFSET_NAMES - self.fixed
         return [
             *(["no interaction"] if "omega" in self.fixed and self.cells is None else []),
             *(["one leakage path"] if self.gap_map == "leakage" else []),
             *(["a gain at each gap"] if self.gap_map == "circuit" else []),
-            *([f"offsets {'of all gaps' if self.common else 'free'}"] if free else []),
+            *([f"offsets {'of all gaps' if self.common else 'free'}"] if free_offsets else []),
         ]
 
 
@@ -144,8 +144,8 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
         return [ModelCandidate(gap_map, fixed)]
     candidates = [ModelCandidate("scaling", fixed)]
     if not is_scheduled_over_gap(loopset):
-        others = map_candidates(run, loopset, "free")
-        return candidates + [replace(other, rank=other.rank + 1) for other in others]
+        free_variants = map_candidates(run, loopset, "free")
+        return candidates + [replace(other, rank=other.rank + 1) for other in free_variants]
     if not run.form.kernel.is_coupled:
         candidates.append(ModelCandidate("reluctance", fixed))
         candidates += [ModelCandidate("leakage", fixed, rank=1)] if gaps >= 3 else []
@@ -270,10 +270,10 @@ class Comparison:
 
     def select_best(self, outer_fold: Fold = frozenset()) -> ModelCandidate:
         """Select the best candidate by its errors at all withheld parts outside `outer_fold`."""
-        tried = [
+        refitted = [
             candidate for candidate in self.eligible if self.has_all_refits(candidate, outer_fold)
         ]
-        errors = {candidate: self.withheld_errors(candidate, outer_fold) for candidate in tried}
+        errors = {candidate: self.withheld_errors(candidate, outer_fold) for candidate in refitted}
         if not any(errors.values()):
             simplest = min(
                 self.eligible,
@@ -281,24 +281,26 @@ class Comparison:
             )
             return self._replace_by_better_fit(simplest, self.eligible, outer_fold)
         best = None
-        for rank in sorted({candidate.rank for candidate in tried}):
-            same_rank = [candidate for candidate in tried if candidate.rank == rank]
+        for rank in sorted({candidate.rank for candidate in refitted}):
+            same_rank = [candidate for candidate in refitted if candidate.rank == rank]
             means = {
                 model: mean_square_error(_comparable_errors(errors[model], same_rank))
                 for model in same_rank
             }
             max_mean = EQUAL_ERROR_RATIO * min(means.values())
-            first = next(candidate for candidate, mean in means.items() if mean <= max_mean)
-            if best is None or self._is_better(first, best, outer_fold):
-                best = first
+            simplest_good = next(candidate for candidate, mean in means.items() if mean <= max_mean)
+            if best is None or self._is_better(simplest_good, best, outer_fold):
+                best = simplest_good
         assert best is not None
-        return self._replace_by_better_fit(best, tried, outer_fold)
+        return self._replace_by_better_fit(best, refitted, outer_fold)
 
     def _replace_by_better_fit(
-        self, best: ModelCandidate, tried: Sequence[ModelCandidate], outer_fold: Fold
+        self, best: ModelCandidate, candidates: Sequence[ModelCandidate], outer_fold: Fold
     ) -> ModelCandidate:
         """Return the simplest candidate with a several times smaller residual and equal prediction."""
-        while better := [other for other in tried if self._should_replace(best, other, outer_fold)]:
+        while better := [
+            other for other in candidates if self._should_replace(best, other, outer_fold)
+        ]:
             best = min(better, key=lambda other: (other.rank, self._cost(other, outer_fold)))
         return best
 

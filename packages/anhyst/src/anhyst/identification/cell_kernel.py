@@ -181,8 +181,8 @@ class CellKernel(_CellKernelBase):
     @cached_property
     def fit_parameters(self) -> tuple[FitParameter, ...]:
         """Fit parameters of the law."""
-        of_populations = map(_population_parameters, range(1, self.population_count + 1))
-        return (*_REVERSIBLE_PARAMETERS, *chain.from_iterable(of_populations))
+        pinned_parameters = map(_population_parameters, range(1, self.population_count + 1))
+        return (*_REVERSIBLE_PARAMETERS, *chain.from_iterable(pinned_parameters))
 
     def make_driven_cells(self, law: tuple[float, ...]) -> DrivenCells:
         """Return the cells for given parameters, ready for simulation."""
@@ -215,8 +215,8 @@ class CellKernel(_CellKernelBase):
     def pinned_populations(self, law: tuple[float, ...]) -> list[Population]:
         """Return the populations for given parameters."""
         iron = self.iron_parameters(1.0, 1.0, law, 0.0)
-        every = range(1, self.population_count + 1)
-        return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in every]
+        numbers = range(1, self.population_count + 1)
+        return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in numbers]
 
     def make_cells(self, law: tuple[float, ...]) -> CellWeights:
         """Return the cells for given parameters."""

@@ -153,17 +153,17 @@ class _SampleLevels:
         A descent ends early if, at its present rate, it cannot come close to the lowest cost.
         """
         objective = Objective(self.rough, self.smoothness)
-        (short, long), final_stop = schedule
+        (short_steps, long_steps), final_stop = schedule
         costs = [(_cost_at(objective, theta), index, theta) for index, theta in enumerate(starts)]
         chosen = [
             theta
-            for cost, _, theta in sorted(costs, key=lambda tried: tried[:2])[:_MAX_SHORT_DESCENTS]
+            for cost, _, theta in sorted(costs, key=lambda rated: rated[:2])[:_MAX_SHORT_DESCENTS]
         ]
         evaluations = len(costs)
         fits: list[FoundModel] = []
         for space, keep_count, tolerance, max_steps in (
-            (self.coarse, max_long, 1e-3, short),
-            (self.coarse, _MAX_FINAL_DESCENTS, 1e-4, long),
+            (self.coarse, max_long, 1e-3, short_steps),
+            (self.coarse, _MAX_FINAL_DESCENTS, 1e-4, long_steps),
             (self.fine, _MAX_FINAL_DESCENTS, *final_stop),
         ):
             fits = []
@@ -481,9 +481,9 @@ def _add_population(
     """Return a parameter set with one more population and the same initial slope."""
     share, width, pinning = share_width_pinning
     total_slope = 1.0 + share / width
-    share_0, width_0, pinning_1, spread_1, *others = parameter_set.law
+    share_0, width_0, pinning_1, spread_1, *other_values = parameter_set.law
     scaled_others = [
-        value / total_slope if index % 4 == 0 else value for index, value in enumerate(others)
+        value / total_slope if index % 4 == 0 else value for index, value in enumerate(other_values)
     ]
     added = (share, width, pinning_1 * pinning, spread_1)
     return replace(

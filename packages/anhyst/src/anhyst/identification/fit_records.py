@@ -187,8 +187,8 @@ class FitRecord:
             yield self
             return
         lead = self.remembered_history
-        for first in range(0, self.input.size, max_samples):
-            part = slice(first, first + max_samples)
+        for start in range(0, self.input.size, max_samples):
+            part = slice(start, start + max_samples)
             yield replace(
                 self,
                 history=lead,
@@ -337,7 +337,7 @@ def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
 
 
 def make_fit_records(
-    loopset: Loops, weighting: str = "loops", rest: RestReadings | None = None
+    loopset: Loops, weighting: str = "loops", readings: RestReadings | None = None
 ) -> FitRecords:
     """Prepare the loops of a set for fitting."""
     if weighting not in WEIGHTINGS:
@@ -347,7 +347,7 @@ def make_fit_records(
             key="weights",
         )
     loopset.require_reversals()
-    rest = rest or RestReadings()
+    readings = readings or RestReadings()
     groups = loopset.by_schedule()
     loops = [loop for group in groups.values() for loop in group]
     gaps = [index for index, group in enumerate(groups.values()) for _ in group]
@@ -363,9 +363,9 @@ def make_fit_records(
         FitRecord(
             label=loop.label,
             gap=gap,
-            history=_input_history(loop, nodes, gap, rest.input.offset),
-            input=np.ascontiguousarray(loop.input - rest.input.offset),
-            output=loop.output - rest.output.offset,
+            history=_input_history(loop, nodes, gap, readings.input.offset),
+            input=np.ascontiguousarray(loop.input - readings.input.offset),
+            output=loop.output - readings.output.offset,
             is_cycle=loop.history.kind == "settled",
             weight=weight,
             clock=clock,
@@ -373,7 +373,7 @@ def make_fit_records(
         for loop, gap, weight, clock in zip(loops, gaps, weights, clocks, strict=True)
     )
     input_span = max(float(np.max(np.abs(loop.input))) for loop in loops)
-    return FitRecords(fitted, nodes, input_span, output_span, rest)
+    return FitRecords(fitted, nodes, input_span, output_span, readings)
 
 
 def _input_history(loop: Loop, nodes: FloatArray, gap: int, offset: float) -> InputHistory:
@@ -413,9 +413,11 @@ class InputHistory:
         is_at_gap = self.gap_position == gap
         return InputHistory.at(self.drive[is_at_gap], 0)
 
-    def renumbered(self, keep: list[int]) -> InputHistory:
+    def renumbered(self, kept_gaps: list[int]) -> InputHistory:
         """Renumber the gaps if only some are kept; positions between gaps stay between them."""
-        return InputHistory(self.drive, np.interp(self.gap_position, keep, np.arange(len(keep))))
+        return InputHistory(
+            self.drive, np.interp(self.gap_position, kept_gaps, np.arange(len(kept_gaps)))
+        )
 
     def remembered(self) -> InputHistory:
         """Return the part that play cells can remember, without closed cycles at one gap."""

@@ -260,18 +260,20 @@ class Selection:
         run.step("left out", partial(self._refit_folds, cell_entries))
         best = replace(comparison, eligible=cell_entries).select_best()
         other_maps = [other for other in self.maps if other.gap_map != best.gap_map]
-        free = [other for other in other_maps if other.gap_map == "free"]
-        others = [with_gap_map(best, other) for other in other_maps if other.gap_map != "free"]
-        if free and self.exceeds_noise(comparison.fits[best].reduced):
-            others.append(with_gap_map(best, free[0]))
-        for candidate in others:
+        free_maps = [other for other in other_maps if other.gap_map == "free"]
+        map_variants = [
+            with_gap_map(best, other) for other in other_maps if other.gap_map != "free"
+        ]
+        if free_maps and self.exceeds_noise(comparison.fits[best].reduced):
+            map_variants.append(with_gap_map(best, free_maps[0]))
+        for candidate in map_variants:
             refit_cells = partial(
                 fit_under_map, comparison.fits[best].full, candidate, run.search_records
             )
             run.timed("play cells", partial(self._try_fit, candidate, refit_cells))
-        others = [candidate for candidate in others if candidate in comparison.fits]
-        run.timed("left out", partial(self._refit_folds, others))
-        cell_entries += others
+        map_variants = [candidate for candidate in map_variants if candidate in comparison.fits]
+        run.timed("left out", partial(self._refit_folds, map_variants))
+        cell_entries += map_variants
         if base.gap_map != "free" and _has_samples_for_weights(comparison.fits[best].reduced):
             best = min(
                 cell_entries, key=lambda candidate: comparison.withheld_error(candidate) or 0.0

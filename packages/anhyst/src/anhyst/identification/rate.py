@@ -61,7 +61,7 @@ class RateFit:
         np.inf
     )  # geometric mean over the speeds of the rms residual, relative to the largest output
 
-    def add_to_uncertainty(self, known: Uncertainty) -> Uncertainty:
+    def add_to_uncertainty(self, static_uncertainty: Uncertainty) -> Uncertainty:
         """Return the uncertainty of the static model, with ``gamma`` added."""
         gamma, dynamics = self.model.parameters["gamma"], self.model.dynamics
         assert isinstance(gamma, float)
@@ -70,14 +70,16 @@ class RateFit:
             f"gamma has a standard deviation of {100.0 * self.log_gamma_std:.2g} %; it was measured "
             f"up to {dynamics.fastest:.3g} Hz, faster runs were not measured"
         )
-        correlation = np.eye(len(known.correlation) + 1)
-        correlation[:-1, :-1] = known.correlation or np.empty((0, 0))
+        correlation = np.eye(len(static_uncertainty.correlation) + 1)
+        correlation[:-1, :-1] = static_uncertainty.correlation or np.empty((0, 0))
         return Uncertainty(
-            names=(*known.names, GAMMA_NAME),
-            values=(*known.values, gamma),
-            std=(*known.std, gamma * self.log_gamma_std),
-            correlation=tuple(map(tuple, correlation.tolist())) if known.correlation else (),
-            statements=(*known.statements, statement),
+            names=(*static_uncertainty.names, GAMMA_NAME),
+            values=(*static_uncertainty.values, gamma),
+            std=(*static_uncertainty.std, gamma * self.log_gamma_std),
+            correlation=tuple(map(tuple, correlation.tolist()))
+            if static_uncertainty.correlation
+            else (),
+            statements=(*static_uncertainty.statements, statement),
         )
 
 
@@ -112,8 +114,8 @@ class _LoopPath:
         samples = np.unique(np.concatenate([np.arange(0, loop.n, step), ends]))
         steps = np.diff(loop.time[samples])
         self.is_cycle, self.gap = loop.history.kind == "settled", loop.schedule_value
-        first = 1.0 / float(np.median(steps)) if self.is_cycle else 0.0
-        self.rate = np.concatenate([[first], 1.0 / steps])
+        first_rate = 1.0 / float(np.median(steps)) if self.is_cycle else 0.0
+        self.rate = np.concatenate([[first_rate], 1.0 / steps])
         gap = None if loop.schedule is None else loop.schedule[samples]
         self.circuit = model.circuit(gap, np.zeros(samples.size))
         self.drive = self.circuit.magnetomotive(loop.input[samples])
@@ -318,10 +320,10 @@ def _with_series_reluctance(model: Model) -> Model:
     return replace(model, parameters={**model.parameters, **parameters, **circuit})
 
 
-def remove_rate_effect(model: Model, static: Model, slow: Loops) -> Loops | None:
+def remove_rate_effect(model: Model, static: Model, slow_loops: Loops) -> Loops | None:
     """Subtract the rate effect from slow loops; return None if it is negligible."""
     static_squares, rate_squares, corrected = [], [], []
-    for loop in slow.loops:
+    for loop in slow_loops.loops:
         static_output = static.predict_loop(loop)
         rate_effect = model.predict_loop(loop) - static_output
         static_squares.append(np.mean((loop.output - static_output) ** 2))
@@ -330,5 +332,5 @@ def remove_rate_effect(model: Model, static: Model, slow: Loops) -> Loops | None
     return (
         None
         if np.mean(rate_squares) <= MIN_RATE_EFFECT_RATIO**2 * np.mean(static_squares)
-        else slow.with_loops(corrected)
+        else slow_loops.with_loops(corrected)
     )

@@ -67,25 +67,27 @@ def explain_law(comparison: Comparison, best: ModelCandidate, law: str, loopset:
         for model in comparison.eligible
         if model != best
     }
-    others = {model: error for model, error in errors.items() if error is not None}
-    if not others:
+    other_errors = {model: error for model, error in errors.items() if error is not None}
+    if not other_errors:
         return text
-    closest = min(others, key=lambda model: others[model])
+    closest = min(other_errors, key=lambda model: other_errors[model])
     map_text = (
         "" if closest.file_gap_map == best.file_gap_map else f" under '{closest.file_gap_map}'"
     )
-    text += f"; {names[closest]}{map_text} has an error of {_percent(others[closest])}"
+    text += f"; {names[closest]}{map_text} has an error of {_percent(other_errors[closest])}"
     return text + (
-        _explain_rejected(comparison, best, closest) if others[closest] < own_error else ""
+        _explain_rejected(comparison, best, closest) if other_errors[closest] < own_error else ""
     )
 
 
-def _explain_rejected(comparison: Comparison, best: ModelCandidate, other: ModelCandidate) -> str:
+def _explain_rejected(
+    comparison: Comparison, best: ModelCandidate, rejected: ModelCandidate
+) -> str:
     """Explain why a candidate with a smaller mean error was not selected."""
-    if comparison.is_several_times_worse(other, best):
-        rms = np.sqrt([comparison.fits[candidate].reduced.cost for candidate in (best, other)])
+    if comparison.is_several_times_worse(rejected, best):
+        rms = np.sqrt([comparison.fits[candidate].reduced.cost for candidate in (best, rejected)])
         return f", but it fits the loops with {_percent(rms[1])} rms instead of {_percent(rms[0])}"
-    if other.rank > best.rank:
+    if rejected.rank > best.rank:
         return ", but the difference is within its scatter and the law is more complex"
     return ", but its mean square error, which decides, is larger or within its scatter"
 
@@ -133,8 +135,10 @@ def _explain_comparison(comparison: Comparison, best: ModelCandidate, gaps: str)
         "largest output"
     )
     if others := ", ".join(
-        f"{other} {_percent(error)}" if np.isfinite(error) else f"{other} has no solution there"
-        for other, error in errors.items()
+        f"{map_name} {_percent(error)}"
+        if np.isfinite(error)
+        else f"{map_name} has no solution there"
+        for map_name, error in errors.items()
     ):
         reason += f" ({others})"
     if any(error < own_error for error in errors.values()):

@@ -214,8 +214,10 @@ def remove_unneeded_offsets(
 
     Offsets that differ between gaps are not sensor offsets, and stay free.
     """
-    free = sorted(name for name, gap in fit.space.entries if name in OFFSET_NAMES and gap is None)
-    if not free:
+    free_offsets = sorted(
+        name for name, gap in fit.space.entries if name in OFFSET_NAMES and gap is None
+    )
+    if not free_offsets:
         return fit
     linearisation = Objective(fit.space, fit.smoothness).linearise(fit.theta)
     residuals = _split_by_record(fit.space, linearisation.deviation)
@@ -228,7 +230,9 @@ def remove_unneeded_offsets(
         float(sum(residual.size for residual in residuals)) / samples_per_value / loop_correlation,
     )
     removable_sets = [
-        frozenset(names) for n in range(1, len(free) + 1) for names in combinations(free, n)
+        frozenset(names)
+        for n in range(1, len(free_offsets) + 1)
+        for names in combinations(free_offsets, n)
     ]
     contradicted = _find_contradicted_offsets(fit)
     removable_sets = [names for names in removable_sets if contradicted <= names]
@@ -297,10 +301,10 @@ def _predict_without_offsets(
 
 def _offset_penalty(space: CoordinateSpace, theta: FloatArray, independent_samples: float) -> float:
     """Return the penalty of the free offsets of a space, as twice the logarithm of the odds."""
-    rest = space.records.rest
+    readings_at_rest = space.records.rest
     readings = {
-        "in_0": (rest.input, space.records.input_span),
-        "out_0": (rest.output, space.records.output_span),
+        "in_0": (readings_at_rest.input, space.records.input_span),
+        "out_0": (readings_at_rest.output, space.records.output_span),
     }
     penalty = 0.0
     for (name, _), value in zip(space.entries, theta.tolist(), strict=True):
@@ -362,11 +366,11 @@ def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
         history = replace(loop.history, schedule=())
         gap = math.sqrt(low * high) if low > 0.0 else 0.5 * (low + high)
         try:
-            first = model.predict(loop.input, gap, history=history).output
-            second = rival.predict(loop.input, gap, history=history).output
+            output = model.predict(loop.input, gap, history=history).output
+            rival_output = rival.predict(loop.input, gap, history=history).output
         except (InputError, NegativeResult):
             return float("inf")
-        deviations.append(float(np.mean(np.abs(first - second))))
+        deviations.append(float(np.mean(np.abs(output - rival_output))))
     return max(deviations, default=0.0) / largest_output(loopset)
 
 

@@ -219,14 +219,14 @@ class Tangents(NamedTuple):
 def population_tangents(pinned: Sequence[Population]) -> Tangents:
     """Return the derivatives of :func:`discretise_populations` by its ``d = 2 + 4 J`` parameters."""
     magnetisation, _, scales, spreads = np.array(pinned).T
-    levels, logs, shares, by_log = _discretise(tuple(pinned))
+    levels, logs, shares, log_derivatives = _discretise(tuple(pinned))
     count, directions = len(pinned), 2 + 4 * len(pinned)
     log_thresholds = np.zeros(
         (PINNED_CELLS, directions)
     )  # derivatives of the logarithms of the thresholds
     position = np.linspace(0.0, 1.0, PINNED_CELLS)
-    for part, which in ((1.0 - position, scales.argmin()), (position, scales.argmax())):
-        log_thresholds[:, 4 * which + 4] += part / scales[which]
+    for part, population in ((1.0 - position, scales.argmin()), (position, scales.argmax())):
+        log_thresholds[:, 4 * population + 4] += part / scales[population]
     index, column = np.arange(count), 4 * np.arange(count) + 2
     remaining = np.zeros(
         (count, PINNED_CELLS + 1, directions)
@@ -234,8 +234,8 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
     inner_remaining = remaining[:, 1:-1]
     inner_remaining[:] = 0.5 * (log_thresholds[:-1] + log_thresholds[1:])
     inner_remaining[index, :, column + 2] -= 1.0 / scales[:, None]
-    inner_remaining *= (spreads[:, None] * by_log)[:, :, None]
-    inner_remaining[index, :, column + 3] = by_log * logs
+    inner_remaining *= (spreads[:, None] * log_derivatives)[:, :, None]
+    inner_remaining[index, :, column + 3] = log_derivatives * logs
     weights = np.zeros((levels.size, 1 + count, directions))
     weights[1:, 1:] = (
         magnetisation[:, None, None] * (remaining[:, :-1] - remaining[:, 1:])

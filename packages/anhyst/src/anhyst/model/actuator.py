@@ -272,14 +272,14 @@ def find_compile_obstacle(model: Model) -> str | None:
     """Return why a model cannot be compiled, and the remedy; None if it can be compiled."""
     law = model.operator_law
     if law.least_slope is None:
-        others = " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)
-        return f"law {model.law!r} cannot be compiled: {law.obstacle}; identify with {others}"
+        alternatives = " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)
+        return f"law {model.law!r} cannot be compiled: {law.obstacle}; identify with {alternatives}"
     if model.needs_fixed_gap:
         schedule_name = model.schedule.name if model.schedule else "gap"
-        others = "scaling or reluctance" if schedule_name == "gap" else "scaling"
+        alternatives = "scaling or reluctance" if schedule_name == "gap" else "scaling"
         return (
             f"gap map 'free' cannot be compiled: the iron itself would change with the {schedule_name}; "
-            f"identify with --gap-map {others}"
+            f"identify with --gap-map {alternatives}"
         )
     if model.has_eddy_currents and not (model.has_layers or model.has_lag):
         return "gamma: these eddy currents cannot be compiled; use the model at rest (at_rest)"
@@ -297,9 +297,9 @@ def require_core(model: Model, at: float) -> None:
 
 def least_slope(model: Model, at: FloatArray) -> FloatArray:
     """Return ``1 + w*S``: the smallest slope of the drive over the field, relative to air."""
-    least = model.operator_law.least_slope
-    assert least is not None
-    return least(model.parameters_at(float(at[0])), model.interpolate_parameter("rho", at))
+    slope_function = model.operator_law.least_slope
+    assert slope_function is not None
+    return slope_function(model.parameters_at(float(at[0])), model.interpolate_parameter("rho", at))
 
 
 def _find_jump(model: Model) -> str | None:
@@ -312,8 +312,8 @@ def _find_jump(model: Model) -> str | None:
         "(the coupling of the iron exceeds the effect of the gap), so the model cannot be compiled: "
     )
     if jumps.all():
-        other = "scaling" if "rho" in model.varying else "reluctance"
-        switch = f"identify with --gap-map {other}, or " if len(model.nodes) > 1 else ""
+        other_map = "scaling" if "rho" in model.varying else "reluctance"
+        switch = f"identify with --gap-map {other_map}, or " if len(model.nodes) > 1 else ""
         return f"{text}{switch}measure with a wider gap; predict and invert follow the jumps"
     name, unit = ("", "") if model.schedule is None else (model.schedule.name, model.schedule.unit)
     low, high = gaps[jumps].min(), gaps[jumps].max()

@@ -202,8 +202,8 @@ class ModelData:
     @cached_property
     def needs_fixed_gap(self) -> bool:
         """Whether the scheduling variable must be constant in a run (gap map ``free``)."""
-        own = {spec.name for spec in self.operator_law.parameters}
-        return not own.isdisjoint(self.varying)
+        law_names = {spec.name for spec in self.operator_law.parameters}
+        return not law_names.isdisjoint(self.varying)
 
     @property
     def needs_schedule(self) -> bool:
@@ -213,8 +213,8 @@ class ModelData:
     @property
     def needs_time(self) -> bool:
         """Whether a run needs the times of its samples."""
-        late = self.dynamics is not None and self.dynamics.needs_time
-        return late or self.has_eddy_currents
+        has_dynamics = self.dynamics is not None and self.dynamics.needs_time
+        return has_dynamics or self.has_eddy_currents
 
     @cached_property
     def has_eddy_currents(self) -> bool:
@@ -246,9 +246,12 @@ class ModelData:
     @property
     def jumps_without_gap(self) -> bool:
         """Whether the iron would jump without a gap."""
-        least = self.operator_law.least_slope
+        slope_function = self.operator_law.least_slope
         iron = self.parameters_at(self.first_node)
-        return least is not None and float(least(iron, np.zeros(1)).min()) < MIN_SLOPE
+        return (
+            slope_function is not None
+            and float(slope_function(iron, np.zeros(1)).min()) < MIN_SLOPE
+        )
 
     @property
     def valid_range(self) -> schema.ValidRange:

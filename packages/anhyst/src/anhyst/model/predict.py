@@ -231,12 +231,12 @@ def _run_stretch(record: _RecordRun, run: slice, history: History) -> tuple[Floa
     forward = record.kind == "drive"
     step = _step(iron, record.kind)
     # The circuit of a long record is computed in pieces to save memory.
-    for first in range(run.start, run.stop, PIECE_SAMPLES):
-        piece = slice(first, min(first + PIECE_SAMPLES, run.stop))
+    for piece_start in range(run.start, run.stop, PIECE_SAMPLES):
+        piece = slice(piece_start, min(piece_start + PIECE_SAMPLES, run.stop))
         circuit = record.circuit(piece)
         core = record.core_input(piece, circuit)
         result, field, state, status, index = step(core, circuit.rho, circuit.eddy, state)
-        check_status(status, record.kind, first + index, record.inputs)
+        check_status(status, record.kind, piece_start + index, record.inputs)
         record.results[piece] = circuit.output(result) if forward else circuit.drive(result)
         record.flux_density[piece] = result if forward else core
         record.field[piece] = field

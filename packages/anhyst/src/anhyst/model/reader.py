@@ -173,8 +173,8 @@ class _Reader:
         advice = explain_finding(finding)
         if advice.code != "extra-forbidden":
             return advice
-        known = [key for _, key in self._names_in(path[:-1]).values()]
-        close_matches = difflib.get_close_matches(str(path[-1]), known, n=1)
+        known_keys = [key for _, key in self._names_in(path[:-1]).values()]
+        close_matches = difflib.get_close_matches(str(path[-1]), known_keys, n=1)
         if not close_matches:
             return advice
         return Advice(f"is unknown; did you mean {close_matches[0]}?", code="extra-forbidden")
@@ -215,12 +215,12 @@ class _Reader:
         if (uncertainty := content.get("uncertainty")) is not None:
             self._check_lengths(uncertainty)
 
-    def _check_lengths(self, unsure: dict[str, Any]) -> None:
-        count = len(unsure["names"])
-        matrix = unsure.get("correlation", [])
+    def _check_lengths(self, uncertainty_table: dict[str, Any]) -> None:
+        count = len(uncertainty_table["names"])
+        matrix = uncertainty_table.get("correlation", [])
         for key, sizes in (
-            ("values", [len(unsure["values"])]),
-            ("std", [len(unsure["std"])]),
+            ("values", [len(uncertainty_table["values"])]),
+            ("std", [len(uncertainty_table["std"])]),
             ("correlation", [len(matrix), *map(len, matrix)] if matrix else [count]),
         ):
             if set(sizes) != {count}:

@@ -330,8 +330,8 @@ def describe_residual(residual: ResidualAnalysis, loopset: Loops, model: Model) 
 def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> str:
     full_scale = name_full_scale(loopset.output)
     if residual.beyond_noise == 0.0:
-        done = ": the fit is complete" if residual.is_noise else ""
-        return f"the residual ({100.0 * residual.noise:.2g} % of {full_scale} rms) is noise, or negligible{done}"
+        end_text = ": the fit is complete" if residual.is_noise else ""
+        return f"the residual ({100.0 * residual.noise:.2g} % of {full_scale} rms) is noise, or negligible{end_text}"
     text = (
         f"a residual of {100.0 * residual.beyond_noise:.2g} % of {full_scale} rms is not noise "
         f"(noise: {100.0 * residual.noise:.2g} %): "

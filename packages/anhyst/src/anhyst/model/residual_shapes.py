@@ -65,14 +65,14 @@ def _branch_positions(record: Residual) -> FloatArray:
     direction, position, half_span = np.ones(drive.size), np.zeros(drive.size), np.ones(drive.size)
     for branch in branch_list:
         piece = drive[branch.rows]
-        half = max(0.5 * float(np.ptp(piece)), 1e-300)
+        half_range = max(0.5 * float(np.ptp(piece)), 1e-300)
         direction[branch.rows] = 1.0 if branch.is_rising else -1.0
-        position[branch.rows] = (piece - float(piece.min())) / half - 1.0
-        half_span[branch.rows] = half
+        position[branch.rows] = (piece - float(piece.min())) / half_range - 1.0
+        half_span[branch.rows] = half_range
     first_branch_rest = np.zeros(drive.size)
     if not record.is_cycle or len(branch_list) > 2:
-        first = branch_list[0].rows
-        first_branch_rest[first] = 0.5 * (1.0 - direction[first] * position[first])
+        first_rows = branch_list[0].rows
+        first_branch_rest[first_rows] = 0.5 * (1.0 - direction[first_rows] * position[first_rows])
     return np.stack([direction, position, half_span, first_branch_rest])
 
 
@@ -134,8 +134,8 @@ def _columns_by_branch_size(
     """Return level, curvature and width, in proportion to the size of a branch."""
     size = half_span / float(half_span.max())
     shared = legvander(along, _LEVEL_DEGREE)
-    both = np.hstack([shared, rising[:, None] * shared])
-    return np.hstack([size[:, None] * both, size[:, None] ** 2 * both])
+    both_directions = np.hstack([shared, rising[:, None] * shared])
+    return np.hstack([size[:, None] * both_directions, size[:, None] ** 2 * both_directions])
 
 
 def orthonormal_basis(columns: FloatArray) -> FloatArray:

@@ -178,11 +178,13 @@ def fit_figures(
     """Compute the deviations between measured and modelled loops."""
     rows, deviations = [], []
     for loop, output in zip(loopset.loops, fitted, strict=True):
-        off = np.abs(output - loop.output)
-        deviations.append(off)
+        deviation = np.abs(output - loop.output)
+        deviations.append(deviation)
         full = full_scale(loopset.output, (loop.output,))
-        mean, worst = float(off.mean()), float(off.max())
-        rows.append(LoopFit(loop.label, loop.schedule_value, loop.n, full, mean, rms(off), worst))
+        mean, worst = float(deviation.mean()), float(deviation.max())
+        rows.append(
+            LoopFit(loop.label, loop.schedule_value, loop.n, full, mean, rms(deviation), worst)
+        )
     pooled = np.concatenate(deviations)
     largest, pooled_rms = largest_output(loopset), rms(pooled)
     return FitFigures(
@@ -252,9 +254,9 @@ def _law(name: str) -> str:
     if why := LAWS.explain_unusable(name):
         raise PydanticCustomError("unknown_choice", why.replace("{", "(").replace("}", ")"))
     if name not in LAWS:
-        known = [repr(law) for law in LAWS]
+        law_names = [repr(law) for law in LAWS]
         raise PydanticCustomError(
-            "unknown_choice", f"Input should be {', '.join(known[:-1])} or {known[-1]}"
+            "unknown_choice", f"Input should be {', '.join(law_names[:-1])} or {law_names[-1]}"
         )
     return name
 

@@ -90,13 +90,13 @@ class Stepper:
         """Return the present contribution of creep to the flux density, T, and the slow parts."""
         if self._dynamics is None:
             return 0.0, self._slow_parts
-        slow = self._slow_parts
+        slow_parts = self._slow_parts
         if self._output is not None:
             if dt is None:
                 text = "the model has creep ([dynamics]); give the time step dt"
                 raise wrong_key("dt", text, code="time-missing")
-            slow = self._dynamics.advance(self._flux, slow, dt)
-        return float(np.array(self._dynamics.shares) @ slow), slow
+            slow_parts = self._dynamics.advance(self._flux, slow_parts, dt)
+        return float(np.array(self._dynamics.shares) @ slow_parts), slow_parts
 
     @property
     def state(self) -> FloatArray:
