@@ -17,7 +17,7 @@ from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-MAX_REST_SHARE = 0.01  # smallest input, relative to the largest one, that counts as zero
+MAX_REST_SHARE = 0.01  # share of the largest input below which the smallest input counts as zero
 
 _EQUAL_READING_SHARE = 1e-3
 """Largest difference of readings at the same rest, relative to the largest reading. A smaller
@@ -30,7 +30,7 @@ _MIN_REST_SHARE = (
 _ROUND_REVERSAL_RATIO = 1.2
 """A reversal is round if the residual of one curve across it is at most this multiple of that of
 two."""
-_BRANCH_PARTS_PER_TIP = 12  # divisor of a branch that gives the window of the curves at a reversal
+_BRANCH_PARTS_PER_TIP = 12  # the curves at a reversal use 1/12 of a branch
 _OFFSET_SIGMAS = 3.0  # number of standard errors above which an offset is used
 
 

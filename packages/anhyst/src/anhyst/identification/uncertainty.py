@@ -200,8 +200,9 @@ _CONTRADICTION_SIGMAS = 4.0
 """Number of standard errors above which a fitted offset contradicts the sensor reading."""
 
 _MAX_REST_READING_COST_RATIO = 2.0
-"""Factor of the mean square residual up to which a reading at rest is used against a contradicting
-fit. The model error that an offset can hide raised it by 1.4 (three gaps, 2 mA of noise)."""
+"""A reading at rest replaces a contradicting fitted offset unless it increases the mean square
+residual by more than this factor. The model error that an offset can hide raised it by 1.4 (three
+gaps, 2 mA of noise)."""
 
 _NEGLIGIBLE_COST = 1e-20
 """Mean square residual, relative to the largest output squared, below which fits are equal."""
@@ -262,7 +263,7 @@ def remove_unneeded_offsets(
     best = reduced if is_better or (contradicted and reduced.cost <= goal) else fit
     try:
         Objective(best.space).outputs(best.parameter_sets)
-    except NoResponseError:  # a fit without a solution has converged at a constant cost
+    except NoResponseError:  # the reduced fit may have no solution
         best = fit
     return replace(best, evaluations=fit.evaluations + reduced.evaluations + 1)
 

@@ -296,7 +296,7 @@ def require_core(model: Model, at: float) -> None:
 
 
 def least_slope(model: Model, at: FloatArray) -> FloatArray:
-    """Return ``1 + w*S``: the smallest slope of the drive over the field, relative to air."""
+    """Return ``1 + w*S``: the smallest slope of drive over field, relative to that without iron."""
     slope_function = model.operator_law.least_slope
     assert slope_function is not None
     return slope_function(model.parameters_at(float(at[0])), model.interpolate_parameter("rho", at))
