@@ -313,13 +313,16 @@ class Comparison:
         is_by_block = self.withheld_kind == "block"
         sigmas = _CELL_SIGMAS_FOR_BLOCKS if is_by_block and simpler.cells else 1.0
         simpler_errors, other_errors = (
-            _comparable_errors(self.withheld_errors(each, outer_fold), pair) for each in pair
+            _comparable_errors(self.withheld_errors(candidate, outer_fold), pair)
+            for candidate in pair
         )
         has_smaller_error = is_better(simpler_errors, other_errors, sigmas)
         if has_smaller_error or not is_by_block:
             return has_smaller_error
-        squares = [mean_square_error(self.withheld_errors(each, outer_fold)) for each in pair]
-        costs = [self._cost(each, outer_fold) for each in pair]
+        squares = [
+            mean_square_error(self.withheld_errors(candidate, outer_fold)) for candidate in pair
+        ]
+        costs = [self._cost(candidate, outer_fold) for candidate in pair]
         return bool(
             squares[0] > _CLEAR_SQUARE_RATIO * squares[1]
             and costs[0] > _CLEAR_SQUARE_RATIO * costs[1]
@@ -343,7 +346,7 @@ class Comparison:
     ) -> bool:
         """Whether a candidate fits the loops several times worse than another, beyond the noise."""
         own_excess, other_excess = (
-            self._excess_cost(each, outer_fold) for each in (candidate, other)
+            self._excess_cost(either, outer_fold) for either in (candidate, other)
         )
         return own_excess > _WORSE_FIT_RATIO**2 * other_excess
 
@@ -395,9 +398,9 @@ class Comparison:
 
 
 def _comparable_errors(
-    misses: Sequence[WithheldError], candidates: Sequence[ModelCandidate]
+    errors: Sequence[WithheldError], candidates: Sequence[ModelCandidate]
 ) -> list[WithheldError]:
     """Return the errors for a comparison; gap maps are compared at withheld gaps only."""
     if any(candidate.cells for candidate in candidates):
-        return list(misses)
-    return [replace(miss, outer_squares=()) for miss in misses]
+        return list(errors)
+    return [replace(error, outer_squares=()) for error in errors]

@@ -171,7 +171,7 @@ class CellProblem:
         self.slope = STRAIGHT_SLOPE_SHARE * self.height / self.span
         self.basis = make_common_basis(self.span)
         # tried middles of the curves, in units of the input
-        self.middles = [self.low + part * self.span for part in MIDDLE_POSITIONS]
+        self.middles = [self.low + position * self.span for position in MIDDLE_POSITIONS]
         self._plays: dict[tuple[float, float], list[tuple[FloatArray, FloatArray]]] = {}
         self._columns: tuple[tuple[float, float], list[FloatArray]] | None = None
         self.known_masks = [_mask_known_samples(loop) for loop in loopset.loops]
@@ -228,10 +228,10 @@ class CellProblem:
             mask & (deviation <= OUTLIER_RATIO * median)
             for mask, deviation in zip(self.fitted_masks, deviations, strict=True)
         ]
-        before, after = (
+        count_before, count_after = (
             np.concatenate(old_or_new).sum() for old_or_new in (self.fitted_masks, masks)
         )
-        if before - after <= MAX_OUTLIER_SHARE * before:
+        if count_before - count_after <= MAX_OUTLIER_SHARE * count_before:
             self.fitted_masks = masks
 
     @cached_property
@@ -361,8 +361,10 @@ class CellProblem:
         loops = self.loopset.loops
         if len(loops) < MIN_LOOPS_TO_WITHHOLD:
             blocks = [np.arange(loop.n) * MAX_FOLDS * BLOCKS_PER_FOLD // loop.n for loop in loops]
-            ends = 0, MAX_FOLDS * BLOCKS_PER_FOLD - 1
-            folds = [np.where(np.isin(block, ends), -1, block % MAX_FOLDS) for block in blocks]
+            end_blocks = 0, MAX_FOLDS * BLOCKS_PER_FOLD - 1
+            folds = [
+                np.where(np.isin(block, end_blocks), -1, block % MAX_FOLDS) for block in blocks
+            ]
         else:
             is_largest = [float(np.ptp(loop.input)) >= FAR_END_SHARE * self.span for loop in loops]
             is_never_withheld = [not all(is_largest) and largest for largest in is_largest]

@@ -204,7 +204,7 @@ class CellSearch:
 
     def fit_candidates(self, candidates: Sequence[ModelCandidate]) -> dict[ModelCandidate, Fits]:
         """Fit play cells of every curve; stop adding populations when they do not help."""
-        found: dict[ModelCandidate, Fits] = {}
+        fits_by_candidate: dict[ModelCandidate, Fits] = {}
         previous_fits: dict[Shape, list[FoundModel]] = {}
         shapes = {candidate.cells.shape for candidate in candidates if candidate.cells}
         for _, same_size in groupby(
@@ -233,7 +233,7 @@ class CellSearch:
                     self.drop(candidate, error)
                     continue
                 fits_by_shape[shape] = fits
-                found[candidate] = Fits(fits[0], reduced)
+                fits_by_candidate[candidate] = Fits(fits[0], reduced)
             lowest_cost = min((fits[0].cost for fits in fits_by_shape.values()), default=0.0)
             previous_fits = {
                 shape: fits
@@ -241,7 +241,7 @@ class CellSearch:
                 if fits[0].cost <= _MAX_CURVE_COST_RATIO * lowest_cost
             }
             shapes = set(previous_fits)
-        return found
+        return fits_by_candidate
 
     def _fit_candidate(
         self, levels: _SampleLevels, smaller_fits: list[FoundModel]
@@ -295,8 +295,10 @@ class CellSearch:
                 self.records.thinned, (_SCREENING_SAMPLES, COARSE_SAMPLES, FINE_SAMPLES)
             )
         )
-        tie = SMOOTHNESS_WEIGHT * self.base.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
-        return _SampleLevels(rough, coarse, fine, tie)
+        smoothness = (
+            SMOOTHNESS_WEIGHT * self.base.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
+        )
+        return _SampleLevels(rough, coarse, fine, smoothness)
 
     def _search_starts(
         self, levels: _SampleLevels, given_starts: list[FloatArray]
@@ -503,8 +505,8 @@ def fit_under_map(fit: FoundModel, candidate: ModelCandidate, records: FitRecord
         candidate.fixed,
         candidate.common,
     )
-    tie = SMOOTHNESS_WEIGHT * fit.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
-    full = descend_from(space, space.pack(fit.parameter_sets), *_FINAL_STOP, tie)
+    smoothness = SMOOTHNESS_WEIGHT * fit.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
+    full = descend_from(space, space.pack(fit.parameter_sets), *_FINAL_STOP, smoothness)
     return Fits(full, remove_unneeded_offsets(full, *_FINAL_STOP))
 
 

@@ -115,13 +115,13 @@ def _lowest_at_reversals(
         fine_times = np.linspace(times[row - skip], times[row + skip], 101)
         side_rows = [row - steps, row + steps]
         fits = [Polynomial.fit(times[rows], drive[rows], 2) for rows in side_rows]
-        around = np.concatenate(side_rows)
-        round_fit = Polynomial.fit(times[around], drive[around], 4)
+        window_rows = np.concatenate(side_rows)
+        round_fit = Polynomial.fit(times[window_rows], drive[window_rows], 4)
         residuals = [
             drive[rows] - fit(times[rows]) for rows, fit in zip(side_rows, fits, strict=True)
         ]
         sharp_cost = float(np.sum(np.concatenate(residuals) ** 2))
-        round_cost = float(np.sum((drive[around] - round_fit(times[around])) ** 2))
+        round_cost = float(np.sum((drive[window_rows] - round_fit(times[window_rows])) ** 2))
         if round_cost <= _ROUND_REVERSAL_RATIO * sharp_cost:
             lowest.append(float(round_fit(fine_times).min()))
         else:
@@ -188,18 +188,18 @@ class FitRecord:
             return
         lead = self.remembered_history
         for start in range(0, self.input.size, max_samples):
-            part = slice(start, start + max_samples)
+            piece = slice(start, start + max_samples)
             yield replace(
                 self,
                 history=lead,
-                input=self.input[part],
-                output=self.output[part],
+                input=self.input[piece],
+                output=self.output[piece],
                 is_cycle=False,
-                clock=self.clock[part],
-                is_withheld=None if self.is_withheld is None else self.is_withheld[part],
-                sample_shares=None if self.sample_shares is None else self.sample_shares[part],
+                clock=self.clock[piece],
+                is_withheld=None if self.is_withheld is None else self.is_withheld[piece],
+                sample_shares=None if self.sample_shares is None else self.sample_shares[piece],
             )
-            lead = lead.extended(self.input[part], self.gap).remembered()
+            lead = lead.extended(self.input[piece], self.gap).remembered()
 
     def thinned(self, max_samples: int) -> FitRecord:
         """Return about `max_samples` samples at most, plus more in steep parts.
@@ -325,15 +325,15 @@ def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
     total = sum(loop.n for loop in loops)
     if weighting == "points":
         return [1.0 / (span * np.sqrt(total))] * len(loops)
-    each = [1.0 / np.sqrt(loop.n * len(loops)) for loop in loops]
+    base_weights = [1.0 / np.sqrt(loop.n * len(loops)) for loop in loops]
     if weighting == "loops":
-        return [weight / span for weight in each]
+        return [weight / span for weight in base_weights]
     sizes = [float(np.max(np.abs(loop.output))) for loop in loops]
     if min(sizes) == 0.0:
         raise InputError(
             "a loop has zero output; use weights 'loops' or remove the loop", code="no-output"
         )
-    return [weight / size for weight, size in zip(each, sizes, strict=True)]
+    return [weight / size for weight, size in zip(base_weights, sizes, strict=True)]
 
 
 def make_fit_records(
@@ -445,8 +445,8 @@ def remembered_reversals(drive: FloatArray) -> FloatArray:
     for point in [*drive[reversal_rows].tolist(), float(drive[-1])]:
         points.append(point)
         while len(points) > 3:
-            before, cycle, after = np.abs(np.diff(points[-4:])).tolist()
-            if cycle > min(before, after):
+            change_before, cycle, change_after = np.abs(np.diff(points[-4:])).tolist()
+            if cycle > min(change_before, change_after):
                 break
             del points[-3:-1]
     return np.array(points)

@@ -276,15 +276,15 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:
     return make_outcome(best_fit, loops, reason, interrupted=True)
 
 
-def _continue_fit(run: SearchRun, loops: Loops, before: Outcome) -> Outcome:
+def _continue_fit(run: SearchRun, loops: Loops, outcome: Outcome) -> Outcome:
     """Continue the fit of a search to convergence on other records of the same loops."""
-    start = before.fit
+    start = outcome.fit
     assert start is not None
     fit = descend_from(
         start.with_records(run.records).space, start.theta, *CONVERGED_STOP, start.smoothness
     )
     return replace(
-        before,
+        outcome,
         model=make_model(fit, loops),
         uncertainty=assess_uncertainty(fit, loops),
         fit=fit,

@@ -219,18 +219,18 @@ class Selection:
         starts: list[ParameterSet],
         reluctance_fit: FoundModel | None,
     ) -> Fits:
-        run, gap_map, held = self.run, candidate.gap_map, candidate.fixed
+        run, gap_map, fixed = self.run, candidate.gap_map, candidate.fixed
 
         def search() -> Fits:
             if gap_map == "free":
-                full = search_each_gap(run.form, run.search_records, run.seed, held)
+                full = search_each_gap(run.form, run.search_records, run.seed, fixed)
             elif gap_map in {"leakage", "circuit"}:
                 series = reluctance_fit or join_gaps(
-                    run.form, run.search_records, "reluctance", starts, held
+                    run.form, run.search_records, "reluctance", starts, fixed
                 )
                 full = join_circuit(series, gap_map, candidate.common)
             else:
-                full = join_gaps(run.form, run.search_records, gap_map, starts, held)
+                full = join_gaps(run.form, run.search_records, gap_map, starts, fixed)
             return Fits(full, remove_unneeded_offsets(full))
 
         fits = run.step("gap maps", search)

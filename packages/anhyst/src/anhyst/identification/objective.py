@@ -48,9 +48,9 @@ class CellResponder:
         for cells, drives in self._group_cells(form, sets, records):
             omega, r, _ = drives.cell_inputs(sets)
             x, m = cells.follow(omega, r, drives.starts)
-            for record, part in zip(drives.records, drives.record_slices, strict=True):
+            for record, samples in zip(drives.records, drives.record_slices, strict=True):
                 local = sets[record.gap]
-                b = m[part] + local.h * x[part]
+                b = m[samples] + local.h * x[samples]
                 outputs.append(local.gain * b**form.power + local.out_0)
         return outputs
 
@@ -65,8 +65,8 @@ class CellResponder:
             path = cells.follow_with_derivatives(omega, r, drives.is_own_gap, r_t, drives.starts)
             path = CellPath(*(values[drives.sample_indices] for values in path))
             output, by_local = output_derivatives(form, sets, drives.gaps, path)
-            for gap, part in drives.gap_slices:
-                yield gap, output[part], by_local[part]
+            for gap, samples in drives.gap_slices:
+                yield gap, output[samples], by_local[samples]
 
     def _group_cells(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
@@ -104,14 +104,16 @@ class _DriveGroup:
     @cached_property
     def sample_indices(self) -> NDArray[np.intp]:
         """Indices of the samples of records."""
-        return np.concatenate([np.arange(part.start, part.stop) for part in self.record_slices])
+        return np.concatenate(
+            [np.arange(samples.start, samples.stop) for samples in self.record_slices]
+        )
 
     @cached_property
     def gap_slices(self) -> list[tuple[int, slice]]:
         """Gaps, and the slices of their samples among the samples of records."""
         spans, first = [], 0
-        for gap, alike in groupby(self.records, lambda record: record.gap):
-            last = first + sum(record.input.size for record in alike)
+        for gap, gap_records in groupby(self.records, lambda record: record.gap):
+            last = first + sum(record.input.size for record in gap_records)
             spans.append((gap, slice(first, last)))
             first = last
         return spans
@@ -144,21 +146,21 @@ def _group_drives(records: Sequence[FitRecord], cell_key: Sequence[int]) -> Iter
 
 
 def _join_drives(records: Sequence[FitRecord]) -> _DriveGroup:
-    drives, gap_columns, own_gap_parts, begins, parts = [], [], [], [], []
+    drives, gap_columns, own_gap_parts, starts, record_slices = [], [], [], [], []
     end = 0
     for record in records:
-        before, n = record.remembered_history, record.input.size
-        drives += [before.drive, record.input]
-        gap_columns += [before.gap_position, np.full(n, float(record.gap))]
-        own_gap_parts += [(before.gap_position == record.gap).astype(np.float64), np.ones(n)]
-        begins.append(end)
-        end += before.drive.size + n
-        parts.append(slice(end - n, end))
+        history, n = record.remembered_history, record.input.size
+        drives += [history.drive, record.input]
+        gap_columns += [history.gap_position, np.full(n, float(record.gap))]
+        own_gap_parts += [(history.gap_position == record.gap).astype(np.float64), np.ones(n)]
+        starts.append(end)
+        end += history.drive.size + n
+        record_slices.append(slice(end - n, end))
     drive, gaps, is_own_gap = (
         np.concatenate(values) for values in (drives, gap_columns, own_gap_parts)
     )
     return _DriveGroup(
-        tuple(records), drive, gaps, is_own_gap, np.array(begins, dtype=np.int64), parts
+        tuple(records), drive, gaps, is_own_gap, np.array(starts, dtype=np.int64), record_slices
     )
 
 
@@ -278,17 +280,17 @@ class Objective:
         start, at_gaps = 0, [local for local, _ in sets]
         responses = self._responder.derivatives(self.space.form, at_gaps, self._loops)
         for gap, output, derivatives in responses:
-            part = slice(start, start + output.size)
-            weights = self.weights[part]
+            samples = slice(start, start + output.size)
+            weights = self.weights[samples]
             value, weighted = (
-                (output - self.measured[part]) * weights,
+                (output - self.measured[samples]) * weights,
                 derivatives * weights[:, None],
             )
             gap_normals[gap] += weighted.T @ weighted
             gap_gradients[gap] += value @ weighted
             if self._drift.is_present:
-                gap_drifts[gap] += self._drift.direction[part] @ weighted
-            start = part.stop
+                gap_drifts[gap] += self._drift.direction[samples] @ weighted
+            start = samples.stop
             values.append(value)
         residual = np.concatenate(values)
         without_drift, cost = self._drift.remove(residual)

@@ -97,7 +97,7 @@ def _search_from_neighbour(
         if name not in names_set_by_gauge(bench.searched_names)
     ]
     starts = [own_values] if neighbour_values is None else [neighbour_values, own_values]
-    results = [bench.refine(gap, begin, names, bench.effort.final) for begin in starts]
+    results = [bench.refine(gap, start, names, bench.effort.final) for start in starts]
     costs = [bench.cost_at(gap, values) for values, _ in results]
     best = 0 if costs[0] <= _max_equal_cost(min(costs)) else 1
     return results[best][0], sum(evaluations for _, evaluations in results)

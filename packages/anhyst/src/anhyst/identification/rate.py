@@ -110,8 +110,8 @@ class _LoopPath:
     def __init__(self, model: Model, loop: Loop, iron: AnyIron, largest: float) -> None:
         assert loop.time is not None
         step = 1 + (loop.n - 1) // MAX_SAMPLES_PER_LOOP
-        ends = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
-        samples = np.unique(np.concatenate([np.arange(0, loop.n, step), ends]))
+        end_rows = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
+        samples = np.unique(np.concatenate([np.arange(0, loop.n, step), end_rows]))
         steps = np.diff(loop.time[samples])
         self.is_cycle, self.gap = loop.history.kind == "settled", loop.schedule_value
         first_rate = 1.0 / float(np.median(steps)) if self.is_cycle else 0.0
@@ -170,16 +170,19 @@ class _RateProblem:
     def make_folds(self) -> list[tuple[list[list[_LoopPath]], list[list[_LoopPath]]]]:
         """Return pairs of fitted and withheld groups: each speed is withheld, or each gap."""
         if len(self.groups) > 1:
-            parts = [[group] for group in self.groups]
+            all_parts = [[group] for group in self.groups]
         else:
             paths = self.groups[0]
             gaps = sorted({path.gap for path in paths if path.gap is not None})
-            parts = [[[path for path in paths if path.gap == gap]] for gap in gaps]
-        if len(parts) < 2:
+            all_parts = [[[path for path in paths if path.gap == gap]] for gap in gaps]
+        if len(all_parts) < 2:
             return [(self.groups, self.groups)]
         return [
-            ([group for other in parts if other is not part for group in other], part)
-            for part in parts
+            (
+                [group for other in all_parts if other is not withheld_groups for group in other],
+                withheld_groups,
+            )
+            for withheld_groups in all_parts
         ]
 
     def fit(
@@ -313,8 +316,8 @@ def _with_series_reluctance(model: Model) -> Model:
     total = (1.0 - alpha) * (1.0 + np.array(model.parameters["rho"]))
     new_alpha = max(0.0, 1.0 - float(total.min()))
     factor = (1.0 - alpha) / (1.0 - new_alpha)
-    parts = (*law.with_role("saturation"), *law.with_role("reversible"))
-    scaled = (*(part.name for part in parts), "c_H")
+    specs = (*law.with_role("saturation"), *law.with_role("reversible"))
+    scaled = (*(spec.name for spec in specs), "c_H")
     parameters = {name: (factor * np.array(model.parameters[name])).tolist() for name in scaled}
     circuit = {"alpha": new_alpha, "rho": np.maximum(total / (1.0 - new_alpha) - 1.0, 0.0).tolist()}
     return replace(model, parameters={**model.parameters, **parameters, **circuit})

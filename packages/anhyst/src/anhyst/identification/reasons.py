@@ -25,7 +25,7 @@ def list_candidates(
 ) -> tuple[CandidateFit, ...]:
     """Return all candidates, the simplest first."""
     candidates = sorted(
-        dict.fromkeys([*comparison.fits, *comparison.dropped]), key=lambda one: one.rank
+        dict.fromkeys([*comparison.fits, *comparison.dropped]), key=lambda entry: entry.rank
     )
     return tuple(
         CandidateFit(
@@ -116,7 +116,7 @@ def explain_gap_map(
     else:
         reason = _explain_comparison(comparison, best, gaps)
     text = f"{reason}{_offer_free_map(comparison, best, loopset)}"
-    if names := dict.fromkeys(each.file_gap_map for each in rejected):
+    if names := dict.fromkeys(candidate.file_gap_map for candidate in rejected):
         text += (
             f"; passed over: {', '.join(names)} (cannot be compiled, fails the acceptance test, "
             "deviates between the gaps or has an implausible initial curve)"
@@ -172,5 +172,5 @@ def _schedule_plural(loopset: Loops) -> str:
     return f"values of the {loopset.schedule.name}"
 
 
-def _percent(part: float) -> str:
-    return f"{100.0 * part:.2g} %"
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %"

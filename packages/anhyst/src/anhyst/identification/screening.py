@@ -144,12 +144,12 @@ def _moments(
     moments = np.zeros((5, sets.shape[1]))
     total = 0.0
     for record in records.loops:
-        kept = thin_rows(record.input, _SCREENING_SAMPLES)
-        m, x_out = follow_sets(record, kept, sets, offset)
+        sample_indices = thin_rows(record.input, _SCREENING_SAMPLES)
+        m, x_out = follow_sets(record, sample_indices, sets, offset)
         shape = (m + form.h * x_out) ** form.power
-        weight = record.weight**2 * record.input.size / kept.size
-        measured = record.output[kept]
-        moments[0] += weight * kept.size
+        weight = record.weight**2 * record.input.size / sample_indices.size
+        measured = record.output[sample_indices]
+        moments[0] += weight * sample_indices.size
         moments[1] += weight * shape.sum(axis=0)
         moments[2] += weight * np.einsum("ij,ij->j", shape, shape)
         moments[3] += weight * measured.sum()
@@ -296,10 +296,10 @@ def sample_cell_starts(kernel: CellKernel, count: int, seed: int, has_gap: bool)
     low, high = np.log(np.array(ranges)).T[:, :, None]
     samples = low + (high - low) * sample_unit_cube(len(ranges), count, seed)
     starts = []
-    for scaled_field, part, *law in np.exp(samples).T.tolist():
+    for scaled_field, iron_drive_share, *law in np.exp(samples).T.tolist():
         max_field = scaled_field / CURVE_SLOPES[kernel.shape]
         law[2::4] = [pinned * max_field for pinned in law[2::4]]
-        starts.append(CellStart(tuple(law), max_field, part))
+        starts.append(CellStart(tuple(law), max_field, iron_drive_share))
     return starts
 
 

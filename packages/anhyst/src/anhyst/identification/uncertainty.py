@@ -55,14 +55,14 @@ def correlation_length(deviations: FloatArray) -> float:
     spectrum = np.abs(np.fft.rfft(centred, 2 * centred.size)) ** 2
     correlation = np.fft.irfft(spectrum)[: centred.size] / power
     negative = np.flatnonzero(correlation <= 0.0)
-    end = int(negative[0]) if negative.size else centred.size
-    return max(1.0, 2.0 * float(correlation[:end].sum()) - 1.0)
+    zero_lag = int(negative[0]) if negative.size else centred.size
+    return max(1.0, 2.0 * float(correlation[:zero_lag].sum()) - 1.0)
 
 
 def _split_by_record(space: CoordinateSpace, deviation: FloatArray) -> list[FloatArray]:
     """Split the residuals by record, without the regularisation residuals after them."""
-    ends = np.cumsum([record.input.size for record in space.records.loops])
-    return np.split(deviation, ends)[:-1]
+    record_ends = np.cumsum([record.input.size for record in space.records.loops])
+    return np.split(deviation, record_ends)[:-1]
 
 
 def _covariance(fit: FoundModel) -> FloatArray:
@@ -245,9 +245,9 @@ def remove_unneeded_offsets(
 
     attempts = {}
     for names in removable_sets:
-        space, kept = fit.space.with_fixed(names)
+        space, coordinates = fit.space.with_fixed(names)
         cost, theta = _predict_without_offsets(fit, linearisation, names)
-        attempts[names] = score(cost, space, theta[kept]), space, theta[kept]
+        attempts[names] = score(cost, space, theta[coordinates]), space, theta[coordinates]
     _, space, start = min(attempts.values(), key=lambda attempt: attempt[0])
     full_score = score(fit.cost, fit.space, fit.theta)
     # For any values of the remaining offsets, the reduced fit is rejected above this cost.
@@ -341,9 +341,9 @@ def ambiguity_within_loop(chosen: Model, others: Sequence[Model], loopset: Loops
     history = History("conditioned", (low, high, low, high, low))
     outputs = []
     for model in (chosen, *others):
-        at = loop.schedule_value if model.needs_schedule else None
+        schedule = loop.schedule_value if model.needs_schedule else None
         try:
-            outputs.append(model.predict(drive, at, history=history).output)
+            outputs.append(model.predict(drive, schedule, history=history).output)
         except (InputError, NegativeResult):
             continue
     differences = [rms(run - outputs[0]) for run in outputs[1:]]
@@ -502,8 +502,10 @@ def _free_first_cells(model: Model, cells: CellWeights, count: int) -> Model:
     )
     removed = {spec.name for spec in model.operator_law.parameters}
     removed -= {spec.name for spec in get_law(model.law, remaining_cells).parameters}
-    kept = {name: value for name, value in model.parameters.items() if name not in removed}
-    return replace(model, cells=remaining_cells, parameters=kept)
+    remaining_parameters = {
+        name: value for name, value in model.parameters.items() if name not in removed
+    }
+    return replace(model, cells=remaining_cells, parameters=remaining_parameters)
 
 
 def _mean_square_error(model: Model, loops: Loops) -> float:

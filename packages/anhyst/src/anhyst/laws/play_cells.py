@@ -85,7 +85,7 @@ def make_cells(shape: Shape, *numbers: float) -> CellWeights:
     """Return the cells for all parameters except ``alpha``, in the order of the file."""
     from anhyst.laws.cells import Population, discretise_populations
 
-    pinned = [Population(*numbers[at : at + 4]) for at in range(2, len(numbers), 4)]
+    pinned = [Population(*numbers[index : index + 4]) for index in range(2, len(numbers), 4)]
     return discretise_populations((numbers[0], numbers[1]), pinned, shape)
 
 

@@ -112,10 +112,10 @@ class Model(Result, ModelData):
         time: ArrayLike | None,
         history: HistoryLike | None,
     ) -> Prediction:
-        found = run_record(self, kind, values, schedule, time, history)
+        result = run_record(self, kind, values, schedule, time, history)
         quantity = self.input if kind == "drive" else self.output
         warn_if_far(self, quantity, as_samples(values, kind), schedule)
-        return found
+        return result
 
     def predict_loop(self, loop: Loop) -> FloatArray:
         """Return the modelled output for the drive of a measured loop, shape (n,)."""
@@ -164,17 +164,17 @@ class Model(Result, ModelData):
             values = value if isinstance(value, tuple) else (value,)
             nodes = self.nodes if len(values) > 1 else (float("nan"),)
             rows += [(self.file_keys[name][1], *pair) for pair in zip(nodes, values, strict=True)]
-        at = self.schedule.column if self.schedule is not None else "node"
+        node_column = self.schedule.column if self.schedule is not None else "node"
         names, positions, numbers = zip(*rows, strict=True)
-        return {"parameter": list(names), at: list(positions), "value": list(numbers)}
+        return {"parameter": list(names), node_column: list(positions), "value": list(numbers)}
 
     def draw(self, ax: Axes) -> None:
         """Draw :meth:`settled_loop` at each node."""
         scale, label = length_scale(self.output)
         for node, colour in schedule_colours(self.nodes or (0.0,)).items():
-            at = node if self.nodes else None
-            drive, output = self.settled_loop(at, DRAWN_SAMPLES)
-            name = group_label(self.schedule, at)
+            gap = node if self.nodes else None
+            drive, output = self.settled_loop(gap, DRAWN_SAMPLES)
+            name = group_label(self.schedule, gap)
             ax.plot(drive, scale * output, color=colour, lw=1.1, label=name)
         ax.set_xlabel(self.input.label)
         ax.set_ylabel(label)

@@ -288,7 +288,7 @@ def _cubic(
     def at(query: FloatArray) -> FloatArray:
         segment = inner_nodes.searchsorted(query, side="right")
         offset = query - nodes[segment]
-        turn = slopes[segment] + offset * (second[segment] + offset * third[segment])
-        return np.asarray(heights[segment] + offset * turn)
+        slope = slopes[segment] + offset * (second[segment] + offset * third[segment])
+        return np.asarray(heights[segment] + offset * slope)
 
     return at

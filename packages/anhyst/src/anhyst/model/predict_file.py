@@ -201,9 +201,9 @@ def _compute_runs(
     answers, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
     notes: Counter[str] = Counter()
     for rows, history_before in zip(runs, histories, strict=True):
-        at, clock = (None if c is None else c[rows] for c in (schedule, time))
+        run_schedule, clock = (None if c is None else c[rows] for c in (schedule, time))
         try:
-            result = run_record(model, kind, values[rows], at, clock, history_before)
+            result = run_record(model, kind, values[rows], run_schedule, clock, history_before)
         except SampleError as error:
             raise InputError(
                 f"{table.locate_row(int(rows[error.sample]))}: {quantity.name.replace('_', ' ')} "
@@ -252,8 +252,8 @@ def _find_histories(
     loops = []
     try:
         for index, rows in enumerate(runs):
-            at = None if schedule is None else schedule[rows]
-            loops.append(Loop(str(index), values[rows], measured[rows], at, time[rows]))
+            run_schedule = None if schedule is None else schedule[rows]
+            loops.append(Loop(str(index), values[rows], measured[rows], run_schedule, time[rows]))
     except InputError:  # a run that is not a loop
         return [history_before] * len(runs)
     is_gap = model.schedule is not None and model.schedule.name == "gap"

@@ -128,9 +128,9 @@ def warn_if_far(
     if model.valid is None:
         return
     limits = model.valid.input if quantity is model.input else model.valid.output
-    at = None if schedule is None else np.atleast_1d(np.asarray(schedule, dtype=np.float64))
+    gaps = None if schedule is None else np.atleast_1d(np.asarray(schedule, dtype=np.float64))
     texts = (
-        describe_far_value(model.schedule, at, model.valid.schedule),
+        describe_far_value(model.schedule, gaps, model.valid.schedule),
         describe_far_value(quantity, values, limits),
     )
     text = "; ".join(filter(None, texts))

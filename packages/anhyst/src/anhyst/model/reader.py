@@ -181,7 +181,7 @@ class _Reader:
 
     def _names_in(self, table: KeyPath) -> schema.Names:
         """Return the keys with units of a table; elements of an array of tables are equal."""
-        return self.names.get(tuple(part for part in table if isinstance(part, str)), {})
+        return self.names.get(tuple(key for key in table if isinstance(key, str)), {})
 
     def _file_path(self, location: KeyPath) -> KeyPath:
         """Return the path in the file of a location in the validated tables."""
@@ -236,13 +236,13 @@ class _Reader:
         schedule: Quantity | None,
         cells: CellWeights | None,
     ) -> Record:
-        dynamics, layers, given = None, None, table.dynamics
+        dynamics, layers, dynamics_table = None, None, table.dynamics
         with self._collecting("history"):
             history = History.parse(table.history)
-        if given is not None:
-            times, shares = tuple(given.creep_times), tuple(given.creep_shares)
+        if dynamics_table is not None:
+            times, shares = tuple(dynamics_table.creep_times), tuple(dynamics_table.creep_shares)
             with self._collecting("dynamics"):
-                dynamics = Dynamics(given.lag, times, shares, given.fastest)
+                dynamics = Dynamics(dynamics_table.lag, times, shares, dynamics_table.fastest)
         if table.layers is not None:
             with self._collecting("layers"):
                 layers = Layers(**dict(table.layers))
