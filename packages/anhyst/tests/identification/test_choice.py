@@ -13,7 +13,7 @@ import pytest
 from anhyst.data import Loop, Loops
 from anhyst.data.reading import read_loops
 from anhyst.identification import IdentifyResult, candidates, cell_search, identify, model_selection
-from anhyst.identification.candidates import Comparison, Fits, ModelCandidate, make_titles
+from anhyst.identification.candidates import CandidateComparison, Fits, ModelCandidate, make_titles
 from anhyst.identification.cell_kernel import CellKernel
 from anhyst.identification.cross_validation import Refit, WithheldError, WithheldKind
 from anhyst.identification.default_search import FoundModel, search_each_gap, search_one_gap
@@ -366,7 +366,7 @@ def test_identify_takes_the_next_candidate_if_the_best_one_cannot_be_finished(
         identify(loops)
 
 
-def contest_of(by: WithheldKind, *fits: tuple[float, tuple[float, ...]]) -> Comparison:
+def contest_of(by: WithheldKind, *fits: tuple[float, tuple[float, ...]]) -> CandidateComparison:
     """Return a comparison of candidates with given rms residuals and errors at withheld places."""
     entrants = [ModelCandidate("none", frozenset(), rank=rank) for rank in range(len(fits))]
     places = range(len(fits[0][1]))
@@ -381,7 +381,7 @@ def contest_of(by: WithheldKind, *fits: tuple[float, tuple[float, ...]]) -> Comp
     for entrant, (rms, _) in zip(entrants, fits, strict=True):
         fit: Any = SimpleNamespace(cost=rms**2)
         found[entrant] = Fits(fit, fit)
-    return Comparison(entrants, found, refits, places, by)
+    return CandidateComparison(entrants, found, refits, places, by)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from anhyst.data.formats.text import write_csv
 from anhyst.data.reading import read_loops
 from anhyst.data.verdict import largest_output
 from anhyst.identification import IdentifyResult, candidates, identify
-from anhyst.identification.candidates import Comparison, Fits, ModelCandidate
+from anhyst.identification.candidates import CandidateComparison, Fits, ModelCandidate
 from anhyst.identification.cell_kernel import CellKernel
 from anhyst.identification.cross_validation import Refit, WithheldError
 from anhyst.identification.default_search import FoundModel
@@ -236,7 +236,7 @@ def test_settled_loops_run_one_after_the_other_are_reported_as_predicted(
 def test_what_could_not_be_left_out_is_absent() -> None:
     one, fold = ModelCandidate("free", frozenset()), frozenset({1})
     nothing = Refit(np.inf, {1: WithheldError(np.inf, (np.inf,))})
-    contest = Comparison([one], {}, {fold: {one: nothing}}, [1])
+    contest = CandidateComparison([one], {}, {fold: {one: nothing}}, [1])
     assert contest.finite_withheld_error(one) is None
 
 
@@ -261,7 +261,7 @@ def test_what_follows_loop_and_blocks_far_better_waits_for_no_certainty(
     nowhere: Any = None  # no space is needed
     found = {each: FoundModel(nowhere, np.zeros(1), cost, 0) for each, cost in costs.items()}
     fits = {each: Fits(end, end) for each, end in found.items()}
-    chosen = Comparison([one, other], fits, refits, range(6), "block").select_best()
+    chosen = CandidateComparison([one, other], fits, refits, range(6), "block").select_best()
     assert chosen.cells is not None
     assert chosen.cells.population_count == populations
 

@@ -1,9 +1,9 @@
 """Define the candidate laws and gap maps of a search, and select the one that predicts best.
 
 Each candidate is fitted to all data and, again, without each withheld part: an inner gap, an inner
-loop or a block of samples. :class:`Comparison` collects fits and errors at the withheld parts. A
-more complex candidate is selected only if it is better by more than the standard error of the
-difference.
+loop or a block of samples. :class:`CandidateComparison` collects fits and errors at the withheld
+parts. A more complex candidate is selected only if it is better by more than the standard error of
+the difference.
 """
 
 from __future__ import annotations
@@ -222,7 +222,7 @@ class Fits:
 
 
 @dataclass(eq=False)
-class Comparison:
+class CandidateComparison:
     """Fits of all candidates, and their refits without the withheld parts."""
 
     eligible: list[ModelCandidate]

@@ -22,7 +22,7 @@ from anhyst.data.output_map import is_actuator
 from anhyst.data.verdict import largest_output
 from anhyst.identification.candidates import (
     FAILURES,
-    Comparison,
+    CandidateComparison,
     Fits,
     ModelCandidate,
     cell_candidates,
@@ -166,13 +166,13 @@ class Selection:
     def __init__(self, run: SearchRun, loopset: Loops, maps: list[ModelCandidate]) -> None:
         self.run, self.loopset, self.maps = run, loopset, maps
         self.is_usable = partial(_is_usable, loopset=loopset)
-        self.comparison = Comparison([], {}, {}, inner_gaps(run.search_records.gap_count))
+        self.comparison = CandidateComparison([], {}, {}, inner_gaps(run.search_records.gap_count))
         fits, start_sets = self._fit_reference_gap()
         if maps:
             self._compare_maps(start_sets)
         else:
             only_candidate = ModelCandidate("none", run.fixed)
-            self.comparison = Comparison(
+            self.comparison = CandidateComparison(
                 [only_candidate], {only_candidate: fits}, {}, (), noise=self._noise_cost(fits.full)
             )
 

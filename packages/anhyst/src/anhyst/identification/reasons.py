@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.identification.candidates import Comparison, ModelCandidate, make_titles
+from anhyst.identification.candidates import CandidateComparison, ModelCandidate, make_titles
 from anhyst.identification.model_building import is_scheduled_over_gap
 from anhyst.model.schema import CHOSEN, CandidateFit
 
@@ -21,7 +21,7 @@ _MIN_OFFER_RATIO = 1.5
 
 
 def list_candidates(
-    comparison: Comparison, best: ModelCandidate, law: str
+    comparison: CandidateComparison, best: ModelCandidate, law: str
 ) -> tuple[CandidateFit, ...]:
     """Return all candidates, the simplest first."""
     candidates = sorted(
@@ -43,7 +43,7 @@ def list_candidates(
     )
 
 
-def _note(comparison: Comparison, candidate: ModelCandidate, best: ModelCandidate) -> str:
+def _note(comparison: CandidateComparison, candidate: ModelCandidate, best: ModelCandidate) -> str:
     if candidate == best:
         return CHOSEN
     if candidate in comparison.dropped:
@@ -51,7 +51,9 @@ def _note(comparison: Comparison, candidate: ModelCandidate, best: ModelCandidat
     return "" if candidate in comparison.eligible else "passed over"
 
 
-def explain_law(comparison: Comparison, best: ModelCandidate, law: str, loopset: Loops) -> str:
+def explain_law(
+    comparison: CandidateComparison, best: ModelCandidate, law: str, loopset: Loops
+) -> str:
     """Explain why this law was selected."""
     names = dict(zip(comparison.fits, make_titles(list(comparison.fits), law), strict=True))
     withheld = {"gap": _schedule_plural(loopset), "loop": "loops", "block": "blocks of samples"}
@@ -81,7 +83,7 @@ def explain_law(comparison: Comparison, best: ModelCandidate, law: str, loopset:
 
 
 def _explain_rejected(
-    comparison: Comparison, best: ModelCandidate, rejected: ModelCandidate
+    comparison: CandidateComparison, best: ModelCandidate, rejected: ModelCandidate
 ) -> str:
     """Explain why a candidate with a smaller mean error was not selected."""
     if comparison.is_several_times_worse(rejected, best):
@@ -93,7 +95,7 @@ def _explain_rejected(
 
 
 def explain_gap_map(
-    comparison: Comparison,
+    comparison: CandidateComparison,
     best: ModelCandidate,
     requested: str,
     loopset: Loops,
@@ -124,7 +126,7 @@ def explain_gap_map(
     return text
 
 
-def _explain_comparison(comparison: Comparison, best: ModelCandidate, gaps: str) -> str:
+def _explain_comparison(comparison: CandidateComparison, best: ModelCandidate, gaps: str) -> str:
     name = best.file_gap_map
     errors = comparison.errors_by_map(best) if comparison.withheld_kind == "gap" else {}
     own_error = errors.pop(name, np.inf)
@@ -146,7 +148,7 @@ def _explain_comparison(comparison: Comparison, best: ModelCandidate, gaps: str)
     return reason
 
 
-def _offer_free_map(comparison: Comparison, best: ModelCandidate, loopset: Loops) -> str:
+def _offer_free_map(comparison: CandidateComparison, best: ModelCandidate, loopset: Loops) -> str:
     """Suggest the map ``free`` if it fits better and was rejected because it cannot be compiled."""
     if is_scheduled_over_gap(loopset) or best.gap_map == "free":
         return ""
