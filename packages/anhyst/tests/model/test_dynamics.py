@@ -1,4 +1,4 @@
-"""Lag and creep of a model: the inverse undoes both, and says what it needs."""
+"""Lag and creep of a model: the inverse compensates both, and reports missing inputs."""
 
 from __future__ import annotations
 

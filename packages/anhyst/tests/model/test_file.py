@@ -1,4 +1,4 @@
-"""The model file: exact, complete, editable, and strict when it is read."""
+"""The model file is exact, complete, editable, and checked strictly on reading."""
 
 from __future__ import annotations
 
@@ -274,7 +274,7 @@ def test_a_file_cut_anywhere_is_never_a_traceback(
     except InputError as error:
         text = str(error)
     else:
-        return  # the cut fell into a comment or an optional table
+        return  # the cut is in a comment or an optional table
     assert text.startswith(str(path))
 
 

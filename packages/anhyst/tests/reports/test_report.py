@@ -290,8 +290,8 @@ def test_measurements_that_have_changed_are_not_used(tmp_path: Path) -> None:
         stream.write("# edited\n")
     subject = gather_subject(model, tmp_path)
     assert subject.evidence is None
-    assert "has changed since the model was identified" in subject.missing_reason
-    assert "has changed" in str(make_headline(subject).notes)
+    assert "file changed after the identification" in subject.missing_reason
+    assert "file changed" in str(make_headline(subject).notes)
 
 
 @pytest.mark.slow
@@ -403,7 +403,7 @@ def bare_model() -> Model:
 def test_a_bare_model_can_be_reported(tmp_path: Path) -> None:
     text, warnings = report_of(bare_model(), tmp_path)
     assert Page(text).sections() == ["parameters", "origin"]
-    assert "does not say which measurements" in warnings[0]
+    assert "does not list its measurements" in warnings[0]
 
 
 def test_left_out_errors_that_are_not_finite_are_reported_in_words(subject: ModelSubject) -> None:

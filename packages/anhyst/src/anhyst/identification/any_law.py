@@ -43,16 +43,16 @@ class _Coordinate:
     low: float
     high: float
 
-    def value(self, part: float) -> float:
+    def value(self, position: float) -> float:
         """Return the value at a position of the range, on a logarithmic scale if it is positive."""
         if self.low > 0.0:
-            return float(self.low * (self.high / self.low) ** part)
-        return self.low + (self.high - self.low) * part
+            return float(self.low * (self.high / self.low) ** position)
+        return self.low + (self.high - self.low) * position
 
-    def derivative(self, part: float) -> float:
+    def derivative(self, position: float) -> float:
         """Return the derivative of the value by the position."""
         if self.low > 0.0:
-            return float(self.value(part) * np.log(self.high / self.low))
+            return float(self.value(position) * np.log(self.high / self.low))
         return self.high - self.low
 
 
@@ -98,11 +98,11 @@ class _AnyLawProblem:
         nodes = self.loopset.schedule_values
         values: dict[str, Parameter] = {"c_H": 1.0, "c_out": 1.0}
         rows = {entry.name: [1.0] * len(nodes) for entry in entries if entry.node is not None}
-        for entry, part in zip(entries, theta.tolist(), strict=True):
+        for entry, position in zip(entries, theta.tolist(), strict=True):
             if entry.node is None:
-                values[entry.name] = entry.value(part)
+                values[entry.name] = entry.value(position)
             else:
-                rows[entry.name][entry.node] = entry.value(part)
+                rows[entry.name][entry.node] = entry.value(position)
         values |= {name: tuple(row) for name, row in rows.items()}
         return Model(
             name="model",
@@ -121,13 +121,13 @@ class _AnyLawProblem:
         groups = self.loopset.by_schedule()
         loops = [(node, loop) for node, group in groups.items() for loop in group]
         try:
-            parts = [
+            outputs_by_loop = [
                 model.predict(record.input, node, history=loop.history).output
                 for (node, loop), record in zip(loops, self.records.loops, strict=True)
             ]
         except (InputError, NegativeResult):
             return None
-        return np.concatenate(parts)
+        return np.concatenate(outputs_by_loop)
 
     def __post_init__(self) -> None:
         loops = self.records.loops
@@ -171,20 +171,20 @@ class _AnyLawProblem:
         self, theta: FloatArray, gain: float, offset: float
     ) -> tuple[tuple[_Coordinate, ...], FloatArray]:
         """Add gain and offsets to the coordinates, starting from the linear regression."""
-        entries, parts = list(self.entries), theta.tolist()
+        entries, positions = list(self.entries), theta.tolist()
         if not output_map(self.loopset.output).is_flux_density:
             entries.append(
                 _Coordinate("c_out", None, gain / _MAX_GAIN_RATIO, gain * _MAX_GAIN_RATIO)
             )
-            parts.append(0.5)
+            positions.append(0.5)
         if self.offsets:
             for name, span in (
                 ("in_0", _MAX_OFFSET_SHARE * self.records.input_span),
                 ("out_0", max(self.records.output_span, 2.0 * abs(offset))),
             ):
                 entries.append(_Coordinate(name, None, -span, span))
-                parts.append(0.5 if name == "in_0" else 0.5 + 0.5 * offset / span)
-        return tuple(entries), np.array(parts)
+                positions.append(0.5 if name == "in_0" else 0.5 + 0.5 * offset / span)
+        return tuple(entries), np.array(positions)
 
 
 def fit_any_law(
@@ -255,10 +255,12 @@ def _assess(
     spread = np.sqrt(np.diag(covariance))
     keys = problem.model(entries, theta).file_keys
     names = [keys[e.name][1] + ("" if e.node is None else f"[{e.node}]") for e in entries]
-    values = [entry.value(part) for entry, part in zip(entries, theta.tolist(), strict=True)]
+    values = [
+        entry.value(position) for entry, position in zip(entries, theta.tolist(), strict=True)
+    ]
     stds = [
-        float(std * entry.derivative(part))
-        for entry, part, std in zip(entries, theta.tolist(), spread.tolist(), strict=True)
+        float(std * entry.derivative(position))
+        for entry, position, std in zip(entries, theta.tolist(), spread.tolist(), strict=True)
     ]
     correlation = covariance / np.outer(spread, spread)
     return Uncertainty(

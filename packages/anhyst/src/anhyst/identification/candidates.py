@@ -1,9 +1,9 @@
 """Define the candidate laws and gap maps of a search, and select the one that predicts best.
 
 Each candidate is fitted to all data and, again, without each withheld part: an inner gap, an inner
-loop or a block of samples. :class:`Comparison` collects fits and errors at the withheld parts. A
-more complex candidate is selected only if it is better by more than the standard error of the
-difference.
+loop or a block of samples. :class:`CandidateComparison` collects fits and errors at the withheld
+parts. A more complex candidate is selected only if it is better by more than the standard error of
+the difference.
 """
 
 from __future__ import annotations
@@ -74,12 +74,12 @@ class ModelCandidate:
 
     def details(self) -> list[str]:
         """Return the properties that distinguish candidates of the same name."""
-        free = OFFSET_NAMES - self.fixed
+        free_offsets = OFFSET_NAMES - self.fixed
         return [
             *(["no interaction"] if "omega" in self.fixed and self.cells is None else []),
             *(["one leakage path"] if self.gap_map == "leakage" else []),
             *(["a gain at each gap"] if self.gap_map == "circuit" else []),
-            *([f"offsets {'of all gaps' if self.common else 'free'}"] if free else []),
+            *([f"offsets {'of all gaps' if self.common else 'free'}"] if free_offsets else []),
         ]
 
 
@@ -144,8 +144,8 @@ def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCa
         return [ModelCandidate(gap_map, fixed)]
     candidates = [ModelCandidate("scaling", fixed)]
     if not is_scheduled_over_gap(loopset):
-        others = map_candidates(run, loopset, "free")
-        return candidates + [replace(other, rank=other.rank + 1) for other in others]
+        free_variants = map_candidates(run, loopset, "free")
+        return candidates + [replace(other, rank=other.rank + 1) for other in free_variants]
     if not run.form.kernel.is_coupled:
         candidates.append(ModelCandidate("reluctance", fixed))
         candidates += [ModelCandidate("leakage", fixed, rank=1)] if gaps >= 3 else []
@@ -222,7 +222,7 @@ class Fits:
 
 
 @dataclass(eq=False)
-class Comparison:
+class CandidateComparison:
     """Fits of all candidates, and their refits without the withheld parts."""
 
     eligible: list[ModelCandidate]
@@ -270,10 +270,10 @@ class Comparison:
 
     def select_best(self, outer_fold: Fold = frozenset()) -> ModelCandidate:
         """Select the best candidate by its errors at all withheld parts outside `outer_fold`."""
-        tried = [
+        refitted = [
             candidate for candidate in self.eligible if self.has_all_refits(candidate, outer_fold)
         ]
-        errors = {candidate: self.withheld_errors(candidate, outer_fold) for candidate in tried}
+        errors = {candidate: self.withheld_errors(candidate, outer_fold) for candidate in refitted}
         if not any(errors.values()):
             simplest = min(
                 self.eligible,
@@ -281,24 +281,26 @@ class Comparison:
             )
             return self._replace_by_better_fit(simplest, self.eligible, outer_fold)
         best = None
-        for rank in sorted({candidate.rank for candidate in tried}):
-            same_rank = [candidate for candidate in tried if candidate.rank == rank]
+        for rank in sorted({candidate.rank for candidate in refitted}):
+            same_rank = [candidate for candidate in refitted if candidate.rank == rank]
             means = {
                 model: mean_square_error(_comparable_errors(errors[model], same_rank))
                 for model in same_rank
             }
             max_mean = EQUAL_ERROR_RATIO * min(means.values())
-            first = next(candidate for candidate, mean in means.items() if mean <= max_mean)
-            if best is None or self._is_better(first, best, outer_fold):
-                best = first
+            simplest_good = next(candidate for candidate, mean in means.items() if mean <= max_mean)
+            if best is None or self._is_better(simplest_good, best, outer_fold):
+                best = simplest_good
         assert best is not None
-        return self._replace_by_better_fit(best, tried, outer_fold)
+        return self._replace_by_better_fit(best, refitted, outer_fold)
 
     def _replace_by_better_fit(
-        self, best: ModelCandidate, tried: Sequence[ModelCandidate], outer_fold: Fold
+        self, best: ModelCandidate, candidates: Sequence[ModelCandidate], outer_fold: Fold
     ) -> ModelCandidate:
         """Return the simplest candidate with a several times smaller residual and equal prediction."""
-        while better := [other for other in tried if self._should_replace(best, other, outer_fold)]:
+        while better := [
+            other for other in candidates if self._should_replace(best, other, outer_fold)
+        ]:
             best = min(better, key=lambda other: (other.rank, self._cost(other, outer_fold)))
         return best
 
@@ -311,13 +313,16 @@ class Comparison:
         is_by_block = self.withheld_kind == "block"
         sigmas = _CELL_SIGMAS_FOR_BLOCKS if is_by_block and simpler.cells else 1.0
         simpler_errors, other_errors = (
-            _comparable_errors(self.withheld_errors(each, outer_fold), pair) for each in pair
+            _comparable_errors(self.withheld_errors(candidate, outer_fold), pair)
+            for candidate in pair
         )
         has_smaller_error = is_better(simpler_errors, other_errors, sigmas)
         if has_smaller_error or not is_by_block:
             return has_smaller_error
-        squares = [mean_square_error(self.withheld_errors(each, outer_fold)) for each in pair]
-        costs = [self._cost(each, outer_fold) for each in pair]
+        squares = [
+            mean_square_error(self.withheld_errors(candidate, outer_fold)) for candidate in pair
+        ]
+        costs = [self._cost(candidate, outer_fold) for candidate in pair]
         return bool(
             squares[0] > _CLEAR_SQUARE_RATIO * squares[1]
             and costs[0] > _CLEAR_SQUARE_RATIO * costs[1]
@@ -341,7 +346,7 @@ class Comparison:
     ) -> bool:
         """Whether a candidate fits the loops several times worse than another, beyond the noise."""
         own_excess, other_excess = (
-            self._excess_cost(each, outer_fold) for each in (candidate, other)
+            self._excess_cost(either, outer_fold) for either in (candidate, other)
         )
         return own_excess > _WORSE_FIT_RATIO**2 * other_excess
 
@@ -393,9 +398,9 @@ class Comparison:
 
 
 def _comparable_errors(
-    misses: Sequence[WithheldError], candidates: Sequence[ModelCandidate]
+    errors: Sequence[WithheldError], candidates: Sequence[ModelCandidate]
 ) -> list[WithheldError]:
     """Return the errors for a comparison; gap maps are compared at withheld gaps only."""
     if any(candidate.cells for candidate in candidates):
-        return list(misses)
-    return [replace(miss, outer_squares=()) for miss in misses]
+        return list(errors)
+    return [replace(error, outer_squares=()) for error in errors]

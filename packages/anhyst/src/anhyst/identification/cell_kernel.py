@@ -101,8 +101,10 @@ class DrivenCells:
         omega_t[:, law_count] = is_own_gap
         r_derivatives[:, law_count + 1 :] = r_t
         weights_t, widths_t, thresholds_t = (
-            np.concatenate([by, np.zeros((*by.shape[:-1], directions - law_count))], axis=-1)
-            for by in self.tangents
+            np.concatenate(
+                [tangent, np.zeros((*tangent.shape[:-1], directions - law_count))], axis=-1
+            )
+            for tangent in self.tangents
         )
         x, m, x_t, m_t, status = self._operator.sensitivity(
             omega, r, omega_t, r_derivatives, weights_t, widths_t, thresholds_t, starts
@@ -164,7 +166,7 @@ class _CellKernelBase:
     has_derivatives = True
     is_coupled = False
 
-    def dead_band_parameter(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
+    def dead_band_parameter(self, iron: Mapping[str, float], ratio: float) -> dict[str, float]:
         """Return no parameters: cells need no dead band."""
         return {}
 
@@ -181,8 +183,8 @@ class CellKernel(_CellKernelBase):
     @cached_property
     def fit_parameters(self) -> tuple[FitParameter, ...]:
         """Fit parameters of the law."""
-        of_populations = map(_population_parameters, range(1, self.population_count + 1))
-        return (*_REVERSIBLE_PARAMETERS, *chain.from_iterable(of_populations))
+        pinned_parameters = map(_population_parameters, range(1, self.population_count + 1))
+        return (*_REVERSIBLE_PARAMETERS, *chain.from_iterable(pinned_parameters))
 
     def make_driven_cells(self, law: tuple[float, ...]) -> DrivenCells:
         """Return the cells for given parameters, ready for simulation."""
@@ -205,18 +207,18 @@ class CellKernel(_CellKernelBase):
             }
         return parameters | {"alpha": alpha}
 
-    def scale_internal_field(self, iron: dict[str, float], part: float) -> None:
+    def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
         """Scale the field inside an iron without interaction by a factor, by adding interaction."""
-        iron["alpha"] = 1.0 - part
+        iron["alpha"] = 1.0 - factor
         for name in iron:
             if name[:2] in {"a_", "k_"}:
-                iron[name] *= part
+                iron[name] *= factor
 
     def pinned_populations(self, law: tuple[float, ...]) -> list[Population]:
         """Return the populations for given parameters."""
         iron = self.iron_parameters(1.0, 1.0, law, 0.0)
-        every = range(1, self.population_count + 1)
-        return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in every]
+        numbers = range(1, self.population_count + 1)
+        return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in numbers]
 
     def make_cells(self, law: tuple[float, ...]) -> CellWeights:
         """Return the cells for given parameters."""
@@ -288,10 +290,10 @@ class WeightKernel(_CellKernelBase):
             weights=saturation * cells.weights,
         )
 
-    def scale_internal_field(self, iron: dict[str, float], part: float) -> None:
+    def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
         """Scale the field inside an iron without interaction by a factor, by adding interaction."""
-        iron["alpha"] = 1.0 - part
-        iron[SCALE_NAMES[1]] *= part
+        iron["alpha"] = 1.0 - factor
+        iron[SCALE_NAMES[1]] *= factor
 
 
 def make_weight_kernel(kernel: CellKernel, law: tuple[float, ...]) -> WeightKernel:

@@ -171,7 +171,7 @@ class CellProblem:
         self.slope = STRAIGHT_SLOPE_SHARE * self.height / self.span
         self.basis = make_common_basis(self.span)
         # tried middles of the curves, in units of the input
-        self.middles = [self.low + part * self.span for part in MIDDLE_POSITIONS]
+        self.middles = [self.low + position * self.span for position in MIDDLE_POSITIONS]
         self._plays: dict[tuple[float, float], list[tuple[FloatArray, FloatArray]]] = {}
         self._columns: tuple[tuple[float, float], list[FloatArray]] | None = None
         self.known_masks = [_mask_known_samples(loop) for loop in loopset.loops]
@@ -228,10 +228,10 @@ class CellProblem:
             mask & (deviation <= OUTLIER_RATIO * median)
             for mask, deviation in zip(self.fitted_masks, deviations, strict=True)
         ]
-        before, after = (
+        count_before, count_after = (
             np.concatenate(old_or_new).sum() for old_or_new in (self.fitted_masks, masks)
         )
-        if before - after <= MAX_OUTLIER_SHARE * before:
+        if count_before - count_after <= MAX_OUTLIER_SHARE * count_before:
             self.fitted_masks = masks
 
     @cached_property
@@ -276,7 +276,7 @@ class CellProblem:
     def play_positions(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
         """Return the positions of the cells in each loop, and before it, relative to the middle."""
         if (lag, middle) not in self._plays:
-            self._plays |= {(lag, other): [] for other in self.middles}
+            self._plays |= {(lag, tried_middle): [] for tried_middle in self.middles}
             middles, thresholds = np.array(self.middles)[:, None], self.basis.thresholds
             for loop in self.loopset.loops:
                 drive = loop.input
@@ -288,8 +288,8 @@ class CellProblem:
                 start = np.zeros((middles.size, thresholds.size))
                 at_rest = move_plays(path, thresholds, start)[-1]
                 positions = move_plays(drive - middles, thresholds, at_rest)
-                for index, other in enumerate(self.middles):
-                    self._plays[lag, other].append((positions[:, index], at_rest[index]))
+                for index, tried_middle in enumerate(self.middles):
+                    self._plays[lag, tried_middle].append((positions[:, index], at_rest[index]))
         return self._plays[lag, middle]
 
     def outputs(self, attempt: Trial) -> list[tuple[FloatArray, float]]:
@@ -338,10 +338,13 @@ class CellProblem:
         plays, columns = self.play_positions(attempt.lag, attempt.middle), self.columns(attempt)
         for index, loop in enumerate(self.loopset.loops):
             weight = 1.0 / (self.height * np.sqrt(loop.n * len(self.loopset)))
-            ones = np.ones((loop.n, 1))
+            unit_column = np.ones((loop.n, 1))
             creep_columns = [creep_responses[index]] if creep_responses else []
             mask = (self.fitted_masks if masks is None else masks)[index]
-            rows.append(weight * np.hstack([columns[index], *creep_columns, ones, -ones])[mask])
+            rows.append(
+                weight
+                * np.hstack([columns[index], *creep_columns, unit_column, -unit_column])[mask]
+            )
             straight_part = self.slope * plays[index][0][:, 0]
             targets.append(weight * (loop.output - straight_part)[mask])
             folds.append(self.fold_numbers[index][mask])
@@ -358,13 +361,16 @@ class CellProblem:
         loops = self.loopset.loops
         if len(loops) < MIN_LOOPS_TO_WITHHOLD:
             blocks = [np.arange(loop.n) * MAX_FOLDS * BLOCKS_PER_FOLD // loop.n for loop in loops]
-            ends = 0, MAX_FOLDS * BLOCKS_PER_FOLD - 1
-            folds = [np.where(np.isin(block, ends), -1, block % MAX_FOLDS) for block in blocks]
+            end_blocks = 0, MAX_FOLDS * BLOCKS_PER_FOLD - 1
+            folds = [
+                np.where(np.isin(block, end_blocks), -1, block % MAX_FOLDS) for block in blocks
+            ]
         else:
             is_largest = [float(np.ptp(loop.input)) >= FAR_END_SHARE * self.span for loop in loops]
             is_never_withheld = [not all(is_largest) and largest for largest in is_largest]
             numbers = [
-                -1 if never else index % MAX_FOLDS for index, never in enumerate(is_never_withheld)
+                -1 if is_never else index % MAX_FOLDS
+                for index, is_never in enumerate(is_never_withheld)
             ]
             folds = [np.full(loop.n, fold) for loop, fold in zip(loops, numbers, strict=True)]
         return [
@@ -445,9 +451,9 @@ def _mask_known_samples(loop: Loop) -> NDArray[np.bool_]:
     if loop.history.kind == "settled":
         return mask
     distance = np.abs(loop.input - loop.input[0])
-    first_far = int(np.argmax(distance >= FAR_END_SHARE * distance.max()))
-    if first_far <= MAX_UNKNOWN_SHARE * loop.n:
-        mask[:first_far] = False
+    first_far_row = int(np.argmax(distance >= FAR_END_SHARE * distance.max()))
+    if first_far_row <= MAX_UNKNOWN_SHARE * loop.n:
+        mask[:first_far_row] = False
     return mask
 
 

@@ -153,17 +153,17 @@ class _SampleLevels:
         A descent ends early if, at its present rate, it cannot come close to the lowest cost.
         """
         objective = Objective(self.rough, self.smoothness)
-        (short, long), final_stop = schedule
+        (short_steps, long_steps), final_stop = schedule
         costs = [(_cost_at(objective, theta), index, theta) for index, theta in enumerate(starts)]
         chosen = [
             theta
-            for cost, _, theta in sorted(costs, key=lambda tried: tried[:2])[:_MAX_SHORT_DESCENTS]
+            for cost, _, theta in sorted(costs, key=lambda rated: rated[:2])[:_MAX_SHORT_DESCENTS]
         ]
         evaluations = len(costs)
         fits: list[FoundModel] = []
         for space, keep_count, tolerance, max_steps in (
-            (self.coarse, max_long, 1e-3, short),
-            (self.coarse, _MAX_FINAL_DESCENTS, 1e-4, long),
+            (self.coarse, max_long, 1e-3, short_steps),
+            (self.coarse, _MAX_FINAL_DESCENTS, 1e-4, long_steps),
             (self.fine, _MAX_FINAL_DESCENTS, *final_stop),
         ):
             fits = []
@@ -204,7 +204,7 @@ class CellSearch:
 
     def fit_candidates(self, candidates: Sequence[ModelCandidate]) -> dict[ModelCandidate, Fits]:
         """Fit play cells of every curve; stop adding populations when they do not help."""
-        found: dict[ModelCandidate, Fits] = {}
+        fits_by_candidate: dict[ModelCandidate, Fits] = {}
         previous_fits: dict[Shape, list[FoundModel]] = {}
         shapes = {candidate.cells.shape for candidate in candidates if candidate.cells}
         for _, same_size in groupby(
@@ -233,7 +233,7 @@ class CellSearch:
                     self.drop(candidate, error)
                     continue
                 fits_by_shape[shape] = fits
-                found[candidate] = Fits(fits[0], reduced)
+                fits_by_candidate[candidate] = Fits(fits[0], reduced)
             lowest_cost = min((fits[0].cost for fits in fits_by_shape.values()), default=0.0)
             previous_fits = {
                 shape: fits
@@ -241,7 +241,7 @@ class CellSearch:
                 if fits[0].cost <= _MAX_CURVE_COST_RATIO * lowest_cost
             }
             shapes = set(previous_fits)
-        return found
+        return fits_by_candidate
 
     def _fit_candidate(
         self, levels: _SampleLevels, smaller_fits: list[FoundModel]
@@ -295,8 +295,10 @@ class CellSearch:
                 self.records.thinned, (_SCREENING_SAMPLES, COARSE_SAMPLES, FINE_SAMPLES)
             )
         )
-        tie = SMOOTHNESS_WEIGHT * self.base.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
-        return _SampleLevels(rough, coarse, fine, tie)
+        smoothness = (
+            SMOOTHNESS_WEIGHT * self.base.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
+        )
+        return _SampleLevels(rough, coarse, fine, smoothness)
 
     def _search_starts(
         self, levels: _SampleLevels, given_starts: list[FloatArray]
@@ -481,9 +483,9 @@ def _add_population(
     """Return a parameter set with one more population and the same initial slope."""
     share, width, pinning = share_width_pinning
     total_slope = 1.0 + share / width
-    share_0, width_0, pinning_1, spread_1, *others = parameter_set.law
+    share_0, width_0, pinning_1, spread_1, *other_values = parameter_set.law
     scaled_others = [
-        value / total_slope if index % 4 == 0 else value for index, value in enumerate(others)
+        value / total_slope if index % 4 == 0 else value for index, value in enumerate(other_values)
     ]
     added = (share, width, pinning_1 * pinning, spread_1)
     return replace(
@@ -503,8 +505,8 @@ def fit_under_map(fit: FoundModel, candidate: ModelCandidate, records: FitRecord
         candidate.fixed,
         candidate.common,
     )
-    tie = SMOOTHNESS_WEIGHT * fit.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
-    full = descend_from(space, space.pack(fit.parameter_sets), *_FINAL_STOP, tie)
+    smoothness = SMOOTHNESS_WEIGHT * fit.cost if candidate.gap_map in SMOOTHED_MAPS else 0.0
+    full = descend_from(space, space.pack(fit.parameter_sets), *_FINAL_STOP, smoothness)
     return Fits(full, remove_unneeded_offsets(full, *_FINAL_STOP))
 
 

@@ -235,18 +235,18 @@ def is_better(
         np.subtract(simpler_error.mean_squares, complex_error.mean_squares)
         for simpler_error, complex_error in pairs
     ]
-    outer = [
+    outer_differences = [
         np.subtract(simpler_error.outer_squares, complex_error.outer_squares)
         for simpler_error, complex_error in pairs
     ]
-    differences = np.concatenate([*withheld, *outer])
+    differences = np.concatenate([*withheld, *outer_differences])
     if not np.isfinite(differences).all() or differences.size < 2:
         return not np.isfinite(mean_error(simpler)) and np.isfinite(mean_error(complex_))
     standard_error = float(np.std(differences, ddof=1)) / math.sqrt(differences.size)
     if len(pairs) > 1:
         gaps = [
             np.mean([*simpler_error, *complex_error])
-            for simpler_error, complex_error in zip(withheld, outer, strict=True)
+            for simpler_error, complex_error in zip(withheld, outer_differences, strict=True)
         ]
         standard_error = max(standard_error, float(np.std(gaps, ddof=1)) / math.sqrt(len(gaps)))
     min_difference = (EQUAL_ERROR_RATIO - 1.0) * mean_square_error(complex_)

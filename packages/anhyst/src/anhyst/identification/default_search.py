@@ -27,18 +27,18 @@ from anhyst.support.numeric import FloatArray
 _MIN_STEPS_TO_EXTRAPOLATE = 5  # steps after which the progress of a descent predicts its result
 
 
-def _damped_step(linear: Linearisation, free: NDArray[np.bool_], damping: float) -> FloatArray:
+def _damped_step(linear: Linearisation, is_free: NDArray[np.bool_], damping: float) -> FloatArray:
     """Return the damped Gauss-Newton step in the free coordinates; zero in the others."""
-    normal = linear.normal[np.ix_(free, free)]
+    normal = linear.normal[np.ix_(is_free, is_free)]
     diagonal = np.diag(normal)
     normal[np.diag_indices_from(normal)] += damping * np.maximum(diagonal, 1e-9 * diagonal.max())
     step = np.zeros(linear.gradient.size)
-    step[free] = -np.linalg.solve(normal, linear.gradient[free])
+    step[is_free] = -np.linalg.solve(normal, linear.gradient[is_free])
     return step
 
 
 def _weight_step(
-    linear: Linearisation, theta: FloatArray, low: FloatArray, damping: float
+    linear: Linearisation, theta: FloatArray, lower: FloatArray, damping: float
 ) -> FloatArray:
     """Return the best damped step with all weights above their lower bounds.
 
@@ -49,8 +49,8 @@ def _weight_step(
     diagonal = np.diag(linear.normal)
     normal = linear.normal + np.diag(damping * np.maximum(diagonal, 1e-9 * diagonal.max()))
     root = np.linalg.cholesky(normal).T
-    distance, _ = nnls(root, root @ (theta - low) - np.linalg.solve(root.T, linear.gradient))
-    return np.asarray(distance + low - theta)
+    distance, _ = nnls(root, root @ (theta - lower) - np.linalg.solve(root.T, linear.gradient))
+    return np.asarray(distance + lower - theta)
 
 
 def descend(
@@ -65,21 +65,21 @@ def descend(
     general solver would need singular value decompositions of a tall matrix (thousands of samples,
     ten coordinates), which cost several times as much as the law itself.
     """
-    low, high = objective.space.bounds
-    theta = np.clip(theta, low, high)
+    lower, upper = objective.space.bounds
+    theta = np.clip(theta, lower, upper)
     current = objective.linearise(theta)
     damping, growth = 1e-3, 2.0
-    by_weights = isinstance(objective.space.form.cells, WeightKernel)
+    has_cell_weights = isinstance(objective.space.form.cells, WeightKernel)
     for steps_left in range(max_steps - 1, 0, -1):
         gradient = current.gradient
-        free = ~(((theta <= low) & (gradient > 0.0)) | ((theta >= high) & (gradient < 0.0)))
-        if not free.any() or not np.any(np.diag(current.normal)[free]):
+        is_free = ~(((theta <= lower) & (gradient > 0.0)) | ((theta >= upper) & (gradient < 0.0)))
+        if not is_free.any() or not np.any(np.diag(current.normal)[is_free]):
             break
-        if by_weights:
-            step = _weight_step(current, theta, low, damping)
+        if has_cell_weights:
+            step = _weight_step(current, theta, lower, damping)
         else:
-            step = _damped_step(current, free, damping)
-        trial = np.clip(theta + step, low, high)
+            step = _damped_step(current, is_free, damping)
+        trial = np.clip(theta + step, lower, upper)
         step = trial - theta
         predicted_gain = -float(step @ (2.0 * current.gradient + current.normal @ step))
         accepted = objective.linearise_if_better(trial, current.cost)

@@ -17,7 +17,7 @@ from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
-MAX_REST_SHARE = 0.01  # smallest input, relative to the largest one, that counts as zero
+MAX_REST_SHARE = 0.01  # share of the largest input below which the smallest input counts as zero
 
 _EQUAL_READING_SHARE = 1e-3
 """Largest difference of readings at the same rest, relative to the largest reading. A smaller
@@ -30,7 +30,7 @@ _MIN_REST_SHARE = (
 _ROUND_REVERSAL_RATIO = 1.2
 """A reversal is round if the residual of one curve across it is at most this multiple of that of
 two."""
-_BRANCH_PARTS_PER_TIP = 12  # divisor of a branch that gives the window of the curves at a reversal
+_BRANCH_PARTS_PER_TIP = 12  # the curves at a reversal use 1/12 of a branch
 _OFFSET_SIGMAS = 3.0  # number of standard errors above which an offset is used
 
 
@@ -115,13 +115,13 @@ def _lowest_at_reversals(
         fine_times = np.linspace(times[row - skip], times[row + skip], 101)
         side_rows = [row - steps, row + steps]
         fits = [Polynomial.fit(times[rows], drive[rows], 2) for rows in side_rows]
-        around = np.concatenate(side_rows)
-        round_fit = Polynomial.fit(times[around], drive[around], 4)
+        window_rows = np.concatenate(side_rows)
+        round_fit = Polynomial.fit(times[window_rows], drive[window_rows], 4)
         residuals = [
             drive[rows] - fit(times[rows]) for rows, fit in zip(side_rows, fits, strict=True)
         ]
         sharp_cost = float(np.sum(np.concatenate(residuals) ** 2))
-        round_cost = float(np.sum((drive[around] - round_fit(times[around])) ** 2))
+        round_cost = float(np.sum((drive[window_rows] - round_fit(times[window_rows])) ** 2))
         if round_cost <= _ROUND_REVERSAL_RATIO * sharp_cost:
             lowest.append(float(round_fit(fine_times).min()))
         else:
@@ -187,19 +187,19 @@ class FitRecord:
             yield self
             return
         lead = self.remembered_history
-        for first in range(0, self.input.size, max_samples):
-            part = slice(first, first + max_samples)
+        for start in range(0, self.input.size, max_samples):
+            piece = slice(start, start + max_samples)
             yield replace(
                 self,
                 history=lead,
-                input=self.input[part],
-                output=self.output[part],
+                input=self.input[piece],
+                output=self.output[piece],
                 is_cycle=False,
-                clock=self.clock[part],
-                is_withheld=None if self.is_withheld is None else self.is_withheld[part],
-                sample_shares=None if self.sample_shares is None else self.sample_shares[part],
+                clock=self.clock[piece],
+                is_withheld=None if self.is_withheld is None else self.is_withheld[piece],
+                sample_shares=None if self.sample_shares is None else self.sample_shares[piece],
             )
-            lead = lead.extended(self.input[part], self.gap).remembered()
+            lead = lead.extended(self.input[piece], self.gap).remembered()
 
     def thinned(self, max_samples: int) -> FitRecord:
         """Return about `max_samples` samples at most, plus more in steep parts.
@@ -325,19 +325,19 @@ def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
     total = sum(loop.n for loop in loops)
     if weighting == "points":
         return [1.0 / (span * np.sqrt(total))] * len(loops)
-    each = [1.0 / np.sqrt(loop.n * len(loops)) for loop in loops]
+    base_weights = [1.0 / np.sqrt(loop.n * len(loops)) for loop in loops]
     if weighting == "loops":
-        return [weight / span for weight in each]
+        return [weight / span for weight in base_weights]
     sizes = [float(np.max(np.abs(loop.output))) for loop in loops]
     if min(sizes) == 0.0:
         raise InputError(
             "a loop has zero output; use weights 'loops' or remove the loop", code="no-output"
         )
-    return [weight / size for weight, size in zip(each, sizes, strict=True)]
+    return [weight / size for weight, size in zip(base_weights, sizes, strict=True)]
 
 
 def make_fit_records(
-    loopset: Loops, weighting: str = "loops", rest: RestReadings | None = None
+    loopset: Loops, weighting: str = "loops", readings: RestReadings | None = None
 ) -> FitRecords:
     """Prepare the loops of a set for fitting."""
     if weighting not in WEIGHTINGS:
@@ -347,7 +347,7 @@ def make_fit_records(
             key="weights",
         )
     loopset.require_reversals()
-    rest = rest or RestReadings()
+    readings = readings or RestReadings()
     groups = loopset.by_schedule()
     loops = [loop for group in groups.values() for loop in group]
     gaps = [index for index, group in enumerate(groups.values()) for _ in group]
@@ -363,9 +363,9 @@ def make_fit_records(
         FitRecord(
             label=loop.label,
             gap=gap,
-            history=_input_history(loop, nodes, gap, rest.input.offset),
-            input=np.ascontiguousarray(loop.input - rest.input.offset),
-            output=loop.output - rest.output.offset,
+            history=_input_history(loop, nodes, gap, readings.input.offset),
+            input=np.ascontiguousarray(loop.input - readings.input.offset),
+            output=loop.output - readings.output.offset,
             is_cycle=loop.history.kind == "settled",
             weight=weight,
             clock=clock,
@@ -373,7 +373,7 @@ def make_fit_records(
         for loop, gap, weight, clock in zip(loops, gaps, weights, clocks, strict=True)
     )
     input_span = max(float(np.max(np.abs(loop.input))) for loop in loops)
-    return FitRecords(fitted, nodes, input_span, output_span, rest)
+    return FitRecords(fitted, nodes, input_span, output_span, readings)
 
 
 def _input_history(loop: Loop, nodes: FloatArray, gap: int, offset: float) -> InputHistory:
@@ -413,9 +413,11 @@ class InputHistory:
         is_at_gap = self.gap_position == gap
         return InputHistory.at(self.drive[is_at_gap], 0)
 
-    def renumbered(self, keep: list[int]) -> InputHistory:
+    def renumbered(self, kept_gaps: list[int]) -> InputHistory:
         """Renumber the gaps if only some are kept; positions between gaps stay between them."""
-        return InputHistory(self.drive, np.interp(self.gap_position, keep, np.arange(len(keep))))
+        return InputHistory(
+            self.drive, np.interp(self.gap_position, kept_gaps, np.arange(len(kept_gaps)))
+        )
 
     def remembered(self) -> InputHistory:
         """Return the part that play cells can remember, without closed cycles at one gap."""
@@ -443,8 +445,8 @@ def remembered_reversals(drive: FloatArray) -> FloatArray:
     for point in [*drive[reversal_rows].tolist(), float(drive[-1])]:
         points.append(point)
         while len(points) > 3:
-            before, cycle, after = np.abs(np.diff(points[-4:])).tolist()
-            if cycle > min(before, after):
+            change_before, cycle, change_after = np.abs(np.diff(points[-4:])).tolist()
+            if cycle > min(change_before, change_after):
                 break
             del points[-3:-1]
     return np.array(points)

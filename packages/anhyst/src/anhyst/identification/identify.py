@@ -84,21 +84,21 @@ def identify(
 
     def fit_static(some: Loops, before: Outcome | None) -> Outcome:
         """Find the model of loops of one speed; with a previous outcome, continue its fit."""
-        own, cells = _laws_to_compare(some, law, search)
+        law_name, cells = _laws_to_compare(some, law, search)
         if _needs_creep_fit(some, law, search):
             return fit_creeping(some)
-        if LAWS[own].kernel is None:
+        if LAWS[law_name].kernel is None:
             records = make_fit_records(some, weights)
             require_gaps(records, gap_map)
             return fit_any_law(
-                some, records.thinned(MAX_SEARCH_SAMPLES), own, gap_map, seed, offsets=offsets
+                some, records.thinned(MAX_SEARCH_SAMPLES), law_name, gap_map, seed, offsets=offsets
             )
-        rest = read_rest_offsets(some) if offsets and search == "default" else None
+        readings_at_rest = read_rest_offsets(some) if offsets and search == "default" else None
         run = SearchRun(
-            form=make_response_form(some.input, some.output, own),
+            form=make_response_form(some.input, some.output, law_name),
             cells=cells,
             only_cells=law != AUTO,
-            records=make_fit_records(some, weights, rest),
+            records=make_fit_records(some, weights, readings_at_rest),
             seed=seed,
             fixed=frozenset() if offsets else frozenset({"in_0", "out_0"}),
             dead_band=dead_band and search == "default",
@@ -276,15 +276,15 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> Outcome:
     return make_outcome(best_fit, loops, reason, interrupted=True)
 
 
-def _continue_fit(run: SearchRun, loops: Loops, before: Outcome) -> Outcome:
+def _continue_fit(run: SearchRun, loops: Loops, outcome: Outcome) -> Outcome:
     """Continue the fit of a search to convergence on other records of the same loops."""
-    start = before.fit
+    start = outcome.fit
     assert start is not None
     fit = descend_from(
         start.with_records(run.records).space, start.theta, *CONVERGED_STOP, start.smoothness
     )
     return replace(
-        before,
+        outcome,
         model=make_model(fit, loops),
         uncertainty=assess_uncertainty(fit, loops),
         fit=fit,

@@ -175,7 +175,8 @@ def _model_nodes(fit: FoundModel) -> tuple[FloatArray, list[ParameterSet]]:
     omegas = np.array([local.omega for local in sets])
     gap_rho = Curve("rho", nodes, omegas / np.maximum(1.0 - leakage * omegas, MIN_GAP_FLUX_SHARE))
     pieces = [
-        np.linspace(*ends, _PIECES_PER_GAP_INTERVAL, endpoint=False) for ends in pairwise(nodes)
+        np.linspace(*interval, _PIECES_PER_GAP_INTERVAL, endpoint=False)
+        for interval in pairwise(nodes)
     ]
     positions = np.concatenate([*pieces, nodes[-1:]])
     first_set, power = sets[0], space.form.power
@@ -235,15 +236,15 @@ def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> Fou
     return fit
 
 
-def explain_dead_band(before: FoundModel, after: FoundModel) -> str:
+def explain_dead_band(fit_without: FoundModel, fit_with: FoundModel) -> str:
     """Describe the dead band and its effect on the residual."""
-    ratio = after.space.form.dead_band
+    ratio = fit_with.space.form.dead_band
     if ratio == 0.0:
         return (
             f"none: even {DEAD_BAND_RATIOS[-1]:g}*k increases the deviation by more than "
             f"{MAX_DEVIATION_RATIO - 1:.0%}"
         )
-    change = float(np.sqrt(after.cost / before.cost)) - 1.0
+    change = float(np.sqrt(fit_with.cost / fit_without.cost)) - 1.0
     return (
         f"r_d = {ratio:g}*k, the widest that increases the deviation by at most {MAX_DEVIATION_RATIO - 1:.0%}; "
         f"the deviation from the loops changes by {100.0 * change:+.1f} %"

@@ -22,7 +22,7 @@ from anhyst.data.output_map import is_actuator
 from anhyst.data.verdict import largest_output
 from anhyst.identification.candidates import (
     FAILURES,
-    Comparison,
+    CandidateComparison,
     Fits,
     ModelCandidate,
     cell_candidates,
@@ -166,13 +166,13 @@ class Selection:
     def __init__(self, run: SearchRun, loopset: Loops, maps: list[ModelCandidate]) -> None:
         self.run, self.loopset, self.maps = run, loopset, maps
         self.is_usable = partial(_is_usable, loopset=loopset)
-        self.comparison = Comparison([], {}, {}, inner_gaps(run.search_records.gap_count))
+        self.comparison = CandidateComparison([], {}, {}, inner_gaps(run.search_records.gap_count))
         fits, start_sets = self._fit_reference_gap()
         if maps:
             self._compare_maps(start_sets)
         else:
             only_candidate = ModelCandidate("none", run.fixed)
-            self.comparison = Comparison(
+            self.comparison = CandidateComparison(
                 [only_candidate], {only_candidate: fits}, {}, (), noise=self._noise_cost(fits.full)
             )
 
@@ -219,18 +219,18 @@ class Selection:
         starts: list[ParameterSet],
         reluctance_fit: FoundModel | None,
     ) -> Fits:
-        run, gap_map, held = self.run, candidate.gap_map, candidate.fixed
+        run, gap_map, fixed = self.run, candidate.gap_map, candidate.fixed
 
         def search() -> Fits:
             if gap_map == "free":
-                full = search_each_gap(run.form, run.search_records, run.seed, held)
+                full = search_each_gap(run.form, run.search_records, run.seed, fixed)
             elif gap_map in {"leakage", "circuit"}:
                 series = reluctance_fit or join_gaps(
-                    run.form, run.search_records, "reluctance", starts, held
+                    run.form, run.search_records, "reluctance", starts, fixed
                 )
                 full = join_circuit(series, gap_map, candidate.common)
             else:
-                full = join_gaps(run.form, run.search_records, gap_map, starts, held)
+                full = join_gaps(run.form, run.search_records, gap_map, starts, fixed)
             return Fits(full, remove_unneeded_offsets(full))
 
         fits = run.step("gap maps", search)
@@ -260,18 +260,20 @@ class Selection:
         run.step("left out", partial(self._refit_folds, cell_entries))
         best = replace(comparison, eligible=cell_entries).select_best()
         other_maps = [other for other in self.maps if other.gap_map != best.gap_map]
-        free = [other for other in other_maps if other.gap_map == "free"]
-        others = [with_gap_map(best, other) for other in other_maps if other.gap_map != "free"]
-        if free and self.exceeds_noise(comparison.fits[best].reduced):
-            others.append(with_gap_map(best, free[0]))
-        for candidate in others:
+        free_maps = [other for other in other_maps if other.gap_map == "free"]
+        map_variants = [
+            with_gap_map(best, other) for other in other_maps if other.gap_map != "free"
+        ]
+        if free_maps and self.exceeds_noise(comparison.fits[best].reduced):
+            map_variants.append(with_gap_map(best, free_maps[0]))
+        for candidate in map_variants:
             refit_cells = partial(
                 fit_under_map, comparison.fits[best].full, candidate, run.search_records
             )
             run.timed("play cells", partial(self._try_fit, candidate, refit_cells))
-        others = [candidate for candidate in others if candidate in comparison.fits]
-        run.timed("left out", partial(self._refit_folds, others))
-        cell_entries += others
+        map_variants = [candidate for candidate in map_variants if candidate in comparison.fits]
+        run.timed("left out", partial(self._refit_folds, map_variants))
+        cell_entries += map_variants
         if base.gap_map != "free" and _has_samples_for_weights(comparison.fits[best].reduced):
             best = min(
                 cell_entries, key=lambda candidate: comparison.withheld_error(candidate) or 0.0

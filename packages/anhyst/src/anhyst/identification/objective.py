@@ -48,9 +48,9 @@ class CellResponder:
         for cells, drives in self._group_cells(form, sets, records):
             omega, r, _ = drives.cell_inputs(sets)
             x, m = cells.follow(omega, r, drives.starts)
-            for record, part in zip(drives.records, drives.record_slices, strict=True):
+            for record, samples in zip(drives.records, drives.record_slices, strict=True):
                 local = sets[record.gap]
-                b = m[part] + local.h * x[part]
+                b = m[samples] + local.h * x[samples]
                 outputs.append(local.gain * b**form.power + local.out_0)
         return outputs
 
@@ -65,8 +65,8 @@ class CellResponder:
             path = cells.follow_with_derivatives(omega, r, drives.is_own_gap, r_t, drives.starts)
             path = CellPath(*(values[drives.sample_indices] for values in path))
             output, by_local = output_derivatives(form, sets, drives.gaps, path)
-            for gap, part in drives.gap_slices:
-                yield gap, output[part], by_local[part]
+            for gap, samples in drives.gap_slices:
+                yield gap, output[samples], by_local[samples]
 
     def _group_cells(
         self, form: ResponseForm, sets: Sequence[ParameterSet], records: Sequence[FitRecord]
@@ -80,13 +80,13 @@ class CellResponder:
             raise NoResponseError(str(error)) from error
         if records is not self._grouped:
             self._groups, self._grouped = {}, records
-        first_same = tuple(
+        cell_indices = tuple(
             next(i for i, weights in enumerate(cells) if weights is gap_cells)
             for gap_cells in cells
         )
-        if first_same not in self._groups:
-            self._groups[first_same] = list(_group_drives(records, first_same))
-        for drives in self._groups[first_same]:
+        if cell_indices not in self._groups:
+            self._groups[cell_indices] = list(_group_drives(records, cell_indices))
+        for drives in self._groups[cell_indices]:
             yield cells[drives.records[0].gap], drives
 
 
@@ -104,14 +104,16 @@ class _DriveGroup:
     @cached_property
     def sample_indices(self) -> NDArray[np.intp]:
         """Indices of the samples of records."""
-        return np.concatenate([np.arange(part.start, part.stop) for part in self.record_slices])
+        return np.concatenate(
+            [np.arange(samples.start, samples.stop) for samples in self.record_slices]
+        )
 
     @cached_property
     def gap_slices(self) -> list[tuple[int, slice]]:
         """Gaps, and the slices of their samples among the samples of records."""
         spans, first = [], 0
-        for gap, alike in groupby(self.records, lambda record: record.gap):
-            last = first + sum(record.input.size for record in alike)
+        for gap, gap_records in groupby(self.records, lambda record: record.gap):
+            last = first + sum(record.input.size for record in gap_records)
             spans.append((gap, slice(first, last)))
             first = last
         return spans
@@ -130,9 +132,9 @@ class _DriveGroup:
         return omega, (self.drive - in_0) / scale, scale
 
 
-def _group_drives(records: Sequence[FitRecord], alike: Sequence[int]) -> Iterator[_DriveGroup]:
+def _group_drives(records: Sequence[FitRecord], cell_key: Sequence[int]) -> Iterator[_DriveGroup]:
     """Group successive drives that share cells, about 20,000 samples per group."""
-    for _, gap_records in groupby(records, lambda record: alike[record.gap]):
+    for _, gap_records in groupby(records, lambda record: cell_key[record.gap]):
         group: list[FitRecord] = []
         for record in gap_records:
             group.append(record)
@@ -144,18 +146,22 @@ def _group_drives(records: Sequence[FitRecord], alike: Sequence[int]) -> Iterato
 
 
 def _join_drives(records: Sequence[FitRecord]) -> _DriveGroup:
-    drives, gap_columns, owns, begins, parts = [], [], [], [], []
+    drives, gap_columns, own_gap_parts, starts, record_slices = [], [], [], [], []
     end = 0
     for record in records:
-        before, n = record.remembered_history, record.input.size
-        drives += [before.drive, record.input]
-        gap_columns += [before.gap_position, np.full(n, float(record.gap))]
-        owns += [(before.gap_position == record.gap).astype(np.float64), np.ones(n)]
-        begins.append(end)
-        end += before.drive.size + n
-        parts.append(slice(end - n, end))
-    drive, gaps, own = (np.concatenate(values) for values in (drives, gap_columns, owns))
-    return _DriveGroup(tuple(records), drive, gaps, own, np.array(begins, dtype=np.int64), parts)
+        history, n = record.remembered_history, record.input.size
+        drives += [history.drive, record.input]
+        gap_columns += [history.gap_position, np.full(n, float(record.gap))]
+        own_gap_parts += [(history.gap_position == record.gap).astype(np.float64), np.ones(n)]
+        starts.append(end)
+        end += history.drive.size + n
+        record_slices.append(slice(end - n, end))
+    drive, gaps, is_own_gap = (
+        np.concatenate(values) for values in (drives, gap_columns, own_gap_parts)
+    )
+    return _DriveGroup(
+        tuple(records), drive, gaps, is_own_gap, np.array(starts, dtype=np.int64), record_slices
+    )
 
 
 PRIOR_COST = 1e-8
@@ -229,9 +235,12 @@ class Objective:
     @property
     def no_answer_deviations(self) -> FloatArray:
         """Residuals that replace those of parameters without a solution."""
-        far = NO_ANSWER_DEVIATION * self.space.records.output_span * self.weights
+        large_residual = NO_ANSWER_DEVIATION * self.space.records.output_span * self.weights
         return np.concatenate(
-            [far, np.zeros(1 + self._smoothness_rows.shape[0] + self._prior_targets.size)]
+            [
+                large_residual,
+                np.zeros(1 + self._smoothness_rows.shape[0] + self._prior_targets.size),
+            ]
         )
 
     def outputs(self, sets: list[ParameterSet]) -> FloatArray:
@@ -268,17 +277,20 @@ class Objective:
         gap_normals = np.zeros((len(sets), numbers, numbers))
         gap_gradients = np.zeros((len(sets), numbers))
         values, gap_drifts = [], np.zeros((len(sets), numbers))
-        first, at_gaps = 0, [local for local, _ in sets]
+        start, at_gaps = 0, [local for local, _ in sets]
         responses = self._responder.derivatives(self.space.form, at_gaps, self._loops)
-        for gap, output, by_local in responses:
-            part = slice(first, first + output.size)
-            weights = self.weights[part]
-            value, weighted = (output - self.measured[part]) * weights, by_local * weights[:, None]
+        for gap, output, derivatives in responses:
+            samples = slice(start, start + output.size)
+            weights = self.weights[samples]
+            value, weighted = (
+                (output - self.measured[samples]) * weights,
+                derivatives * weights[:, None],
+            )
             gap_normals[gap] += weighted.T @ weighted
             gap_gradients[gap] += value @ weighted
             if self._drift.is_present:
-                gap_drifts[gap] += self._drift.direction[part] @ weighted
-            first = part.stop
+                gap_drifts[gap] += self._drift.direction[samples] @ weighted
+            start = samples.stop
             values.append(value)
         residual = np.concatenate(values)
         without_drift, cost = self._drift.remove(residual)
@@ -290,15 +302,21 @@ class Objective:
         ]
         gradient = self._smoothness_rows.T @ values[-2] + self._prior_rows.T @ values[-1]
         matrix = self._regularisation
-        for (_, by_theta), square, slope in zip(sets, gap_normals, gap_gradients, strict=True):
-            gradient = gradient + slope @ by_theta
-            matrix = matrix + by_theta.T @ square @ by_theta
+        for (_, coordinate_derivatives), square, slope in zip(
+            sets, gap_normals, gap_gradients, strict=True
+        ):
+            gradient = gradient + slope @ coordinate_derivatives
+            matrix = matrix + coordinate_derivatives.T @ square @ coordinate_derivatives
         if self._drift.is_present:
-            by_drift = np.einsum(
-                "gn,gnk->k", gap_drifts, np.stack([by_theta for _, by_theta in sets])
+            drift_derivatives = np.einsum(
+                "gn,gnk->k",
+                gap_drifts,
+                np.stack([coordinate_derivatives for _, coordinate_derivatives in sets]),
             )
-            gradient = gradient - self._drift.slope(residual) * by_drift
-            matrix = matrix - np.outer(by_drift, by_drift) / self._drift.squared_norm
+            gradient = gradient - self._drift.slope(residual) * drift_derivatives
+            matrix = (
+                matrix - np.outer(drift_derivatives, drift_derivatives) / self._drift.squared_norm
+            )
         return np.concatenate(values), gradient, matrix
 
     def linearise(self, theta: FloatArray) -> Linearisation:
@@ -327,13 +345,13 @@ class Objective:
 
     def numerical_jacobian(self, theta: FloatArray) -> FloatArray:
         """Return central differences, one-sided at the bounds."""
-        low, high = self.space.bounds
+        lower, upper = self.space.bounds
         columns = []
         for index in range(theta.size):
             pair = []
             for step in (-1e-5, 1e-5):
                 moved = theta.copy()
-                moved[index] = np.clip(moved[index] + step, low[index], high[index])
+                moved[index] = np.clip(moved[index] + step, lower[index], upper[index])
                 pair.append((moved[index], self.deviations(moved)))
             columns.append((pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]))
         return np.stack(columns, axis=1)

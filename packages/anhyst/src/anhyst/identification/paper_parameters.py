@@ -283,16 +283,16 @@ def run_simplex(
     # it.
     from scipy.optimize import minimize
 
-    best, best_cost, step = start, cost(start), 0.05
+    best_theta, best_cost, step = start, cost(start), 0.05
     span = variables.high - variables.low
     while max_evaluations > variables.size + 1:
-        corners = np.tile(best, (variables.size + 1, 1))
+        corners = np.tile(best_theta, (variables.size + 1, 1))
         axes = np.arange(variables.size)
-        steps = np.where(best + step * span > variables.high, -step, step)
+        steps = np.where(best_theta + step * span > variables.high, -step, step)
         corners[axes + 1, axes] += steps * span
         minimum = minimize(
             cost,
-            best,
+            best_theta,
             method="Nelder-Mead",
             bounds=list(zip(variables.low, variables.high, strict=True)),
             options={
@@ -308,7 +308,7 @@ def run_simplex(
         step *= 0.25
         gain = best_cost - minimum.fun
         if gain > 0.0:
-            best, best_cost = np.asarray(minimum.x), float(minimum.fun)
+            best_theta, best_cost = np.asarray(minimum.x), float(minimum.fun)
         if gain < 1e-3 * best_cost:
             break
-    return best, best_cost
+    return best_theta, best_cost

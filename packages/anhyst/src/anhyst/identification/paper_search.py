@@ -112,8 +112,8 @@ class EvolutionStrategy:
             self.best = self._x[ranked[0]].copy()
         x, sigma = (values[ranked[: self._mu]] for values in (self._x, self._sigma))
         couples = self._random.integers(0, self._mu, (2, self._lambda))
-        first = self._random.random((self._lambda, self._low.size)) < 0.5
-        self._x = np.where(first, x[couples[0]], x[couples[1]])
+        is_from_first = self._random.random((self._lambda, self._low.size)) < 0.5
+        self._x = np.where(is_from_first, x[couples[0]], x[couples[1]])
         self._sigma = 0.5 * (sigma[couples[0]] + sigma[couples[1]])
         self._mutate()
 
@@ -157,9 +157,9 @@ class SearchState:
     evaluations: int = 0
 
     @classmethod
-    def from_plain(cls, plain: dict[str, Any]) -> SearchState:
+    def from_plain(cls, stored: dict[str, Any]) -> SearchState:
         """Restore a state from a checkpoint, which stores tuples as lists."""
-        return cls(**plain | {key: tuple(plain[key]) for key in ("sets", "varying")})
+        return cls(**stored | {key: tuple(stored[key]) for key in ("sets", "varying")})
 
 
 @dataclass

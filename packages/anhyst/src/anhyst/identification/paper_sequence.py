@@ -62,7 +62,7 @@ def count_stages(bench: PaperSearch, last: str | None) -> int:
     return gaps + sum(varying_count - fixed_last + gaps for varying_count in range(2, names + 1))
 
 
-def move_to_common_gauge(bench: PaperSearch, free: SearchState) -> SearchState:
+def move_to_common_gauge(bench: PaperSearch, free_state: SearchState) -> SearchState:
     """Convert all gaps to one gauge and, if their loops allow it, to one minimum of the cost.
 
     Parameters chosen by the gauge are then equal at all gaps, so they are fixed first and at no
@@ -71,10 +71,10 @@ def move_to_common_gauge(bench: PaperSearch, free: SearchState) -> SearchState:
     from the result of the neighbouring gap and from the own set. The neighbour's result is
     preferred unless it costs more.
     """
-    moved = move_to_one_gauge(free.sets, bench.searched_names, bench.run.form.power)
+    moved = move_to_one_gauge(free_state.sets, bench.searched_names, bench.run.form.power)
     reference = bench.run.records.reference_gap
     sets: dict[int, Values] = {}
-    evaluations = free.evaluations
+    evaluations = free_state.evaluations
     for gap in [reference, *range(reference + 1, bench.gap_count), *range(reference - 1, -1, -1)]:
         neighbour = sets.get(gap - 1 if gap > reference else gap + 1)
         sets[gap], gap_evaluations = bench.run.stage(
@@ -83,12 +83,12 @@ def move_to_common_gauge(bench: PaperSearch, free: SearchState) -> SearchState:
         )
         evaluations += gap_evaluations
     return bench.make_state(
-        [sets[gap] for gap in range(bench.gap_count)], free.varying, evaluations
+        [sets[gap] for gap in range(bench.gap_count)], free_state.varying, evaluations
     )
 
 
 def _search_from_neighbour(
-    bench: PaperSearch, gap: int, own: Values, near: Values | None
+    bench: PaperSearch, gap: int, own_values: Values, neighbour_values: Values | None
 ) -> tuple[Values, int]:
     """Search one gap from its own set and from its neighbour's; prefer the neighbour's result."""
     names = [
@@ -96,18 +96,18 @@ def _search_from_neighbour(
         for name in bench.searched_names
         if name not in names_set_by_gauge(bench.searched_names)
     ]
-    starts = [own] if near is None else [near, own]
-    results = [bench.refine(gap, begin, names, bench.effort.final) for begin in starts]
+    starts = [own_values] if neighbour_values is None else [neighbour_values, own_values]
+    results = [bench.refine(gap, start, names, bench.effort.final) for start in starts]
     costs = [bench.cost_at(gap, values) for values, _ in results]
     best = 0 if costs[0] <= _max_equal_cost(min(costs)) else 1
     return results[best][0], sum(evaluations for _, evaluations in results)
 
 
 def reductions(
-    bench: PaperSearch, free: SearchState, last: str | None = None
+    bench: PaperSearch, free_state: SearchState, last: str | None = None
 ) -> Iterator[tuple[SearchState, ReductionStep]]:
     """Fix one parameter after another until one is left; yield each state and step."""
-    state = move_to_common_gauge(bench, free)
+    state = move_to_common_gauge(bench, free_state)
     while len(state.varying) > 1:
         trials = {name: _try_freezing(bench, state, name) for name in state.varying if name != last}
         costs = {name: trial.cost for name, trial in trials.items()}
@@ -123,24 +123,24 @@ def reductions(
 
 def _try_freezing(bench: PaperSearch, state: SearchState, name: str) -> SearchState:
     """Replace one parameter by its mean, and search the others briefly at every gap."""
-    others = [other for other in state.varying if other != name]
+    other_names = [other_name for other_name in state.varying if other_name != name]
     mean = mean_over_gaps(name, [values[name] for values in state.sets])
 
     def work() -> dict[str, object]:
         results = [
-            bench.refine(gap, values | {name: mean}, others, bench.effort.trial)
+            bench.refine(gap, values | {name: mean}, other_names, bench.effort.trial)
             for gap, values in enumerate(state.sets)
         ]
         evaluations = sum(result[1] for result in results)
-        return asdict(bench.make_state([result[0] for result in results], others, evaluations))
+        return asdict(bench.make_state([result[0] for result in results], other_names, evaluations))
 
     return SearchState.from_plain(
         bench.run.stage(_stage_name(state.varying, f"without {name}"), work)
     )
 
 
-def _stage_name(varying: Sequence[str], what: str) -> str:
-    return f"{', '.join(varying)} over the gap, {what}"
+def _stage_name(varying: Sequence[str], description: str) -> str:
+    return f"{', '.join(varying)} over the gap, {description}"
 
 
 def _select_cheapest(state: SearchState, costs: dict[str, float]) -> str:
@@ -181,16 +181,16 @@ def search_paper(
     has_common_offsets = bench.gap_count > 1 and not set(OFFSET_NAMES) <= run.fixed
     run.total_stages = bench.gap_count * (2 if has_common_offsets else 1)
     run.total_stages += count_stages(bench, last_name) if is_reducing else 0
-    free: SearchState | None = None
+    free_state: SearchState | None = None
     steps: list[ReductionStep] = []
     interrupted = False
     try:
-        free = state = search_each_gap(bench)
-        for next_state, step in reductions(bench, free, last_name) if is_reducing else ():
+        free_state = state = search_each_gap(bench)
+        for next_state, step in reductions(bench, free_state, last_name) if is_reducing else ():
             state = next_state
             steps.append(step)
     except KeyboardInterrupt:
-        if free is None:
+        if free_state is None:
             raise
         interrupted = True
     model, fit = _make_model(bench, state, gap_map)
@@ -202,7 +202,7 @@ def search_paper(
         _explain(state, model, is_reducing, interrupted),
         interrupted,
         steps=tuple(steps),
-        per_gap=model_at_nodes(free, run, loopset) if bench.gap_count > 1 else None,
+        per_gap=model_at_nodes(free_state, run, loopset) if bench.gap_count > 1 else None,
         resumed_stages=run.resumed_stages,
         fit=fit,
     )

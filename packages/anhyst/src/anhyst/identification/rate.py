@@ -61,7 +61,7 @@ class RateFit:
         np.inf
     )  # geometric mean over the speeds of the rms residual, relative to the largest output
 
-    def add_to_uncertainty(self, known: Uncertainty) -> Uncertainty:
+    def add_to_uncertainty(self, static_uncertainty: Uncertainty) -> Uncertainty:
         """Return the uncertainty of the static model, with ``gamma`` added."""
         gamma, dynamics = self.model.parameters["gamma"], self.model.dynamics
         assert isinstance(gamma, float)
@@ -70,14 +70,16 @@ class RateFit:
             f"gamma has a standard deviation of {100.0 * self.log_gamma_std:.2g} %; it was measured "
             f"up to {dynamics.fastest:.3g} Hz, faster runs were not measured"
         )
-        correlation = np.eye(len(known.correlation) + 1)
-        correlation[:-1, :-1] = known.correlation or np.empty((0, 0))
+        correlation = np.eye(len(static_uncertainty.correlation) + 1)
+        correlation[:-1, :-1] = static_uncertainty.correlation or np.empty((0, 0))
         return Uncertainty(
-            names=(*known.names, GAMMA_NAME),
-            values=(*known.values, gamma),
-            std=(*known.std, gamma * self.log_gamma_std),
-            correlation=tuple(map(tuple, correlation.tolist())) if known.correlation else (),
-            statements=(*known.statements, statement),
+            names=(*static_uncertainty.names, GAMMA_NAME),
+            values=(*static_uncertainty.values, gamma),
+            std=(*static_uncertainty.std, gamma * self.log_gamma_std),
+            correlation=tuple(map(tuple, correlation.tolist()))
+            if static_uncertainty.correlation
+            else (),
+            statements=(*static_uncertainty.statements, statement),
         )
 
 
@@ -108,12 +110,12 @@ class _LoopPath:
     def __init__(self, model: Model, loop: Loop, iron: AnyIron, largest: float) -> None:
         assert loop.time is not None
         step = 1 + (loop.n - 1) // MAX_SAMPLES_PER_LOOP
-        ends = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
-        samples = np.unique(np.concatenate([np.arange(0, loop.n, step), ends]))
+        end_rows = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
+        samples = np.unique(np.concatenate([np.arange(0, loop.n, step), end_rows]))
         steps = np.diff(loop.time[samples])
         self.is_cycle, self.gap = loop.history.kind == "settled", loop.schedule_value
-        first = 1.0 / float(np.median(steps)) if self.is_cycle else 0.0
-        self.rate = np.concatenate([[first], 1.0 / steps])
+        first_rate = 1.0 / float(np.median(steps)) if self.is_cycle else 0.0
+        self.rate = np.concatenate([[first_rate], 1.0 / steps])
         gap = None if loop.schedule is None else loop.schedule[samples]
         self.circuit = model.circuit(gap, np.zeros(samples.size))
         self.drive = self.circuit.magnetomotive(loop.input[samples])
@@ -168,16 +170,19 @@ class _RateProblem:
     def make_folds(self) -> list[tuple[list[list[_LoopPath]], list[list[_LoopPath]]]]:
         """Return pairs of fitted and withheld groups: each speed is withheld, or each gap."""
         if len(self.groups) > 1:
-            parts = [[group] for group in self.groups]
+            all_parts = [[group] for group in self.groups]
         else:
             paths = self.groups[0]
             gaps = sorted({path.gap for path in paths if path.gap is not None})
-            parts = [[[path for path in paths if path.gap == gap]] for gap in gaps]
-        if len(parts) < 2:
+            all_parts = [[[path for path in paths if path.gap == gap]] for gap in gaps]
+        if len(all_parts) < 2:
             return [(self.groups, self.groups)]
         return [
-            ([group for other in parts if other is not part for group in other], part)
-            for part in parts
+            (
+                [group for other in all_parts if other is not withheld_groups for group in other],
+                withheld_groups,
+            )
+            for withheld_groups in all_parts
         ]
 
     def fit(
@@ -311,17 +316,17 @@ def _with_series_reluctance(model: Model) -> Model:
     total = (1.0 - alpha) * (1.0 + np.array(model.parameters["rho"]))
     new_alpha = max(0.0, 1.0 - float(total.min()))
     factor = (1.0 - alpha) / (1.0 - new_alpha)
-    parts = (*law.with_role("saturation"), *law.with_role("reversible"))
-    scaled = (*(part.name for part in parts), "c_H")
+    specs = (*law.with_role("saturation"), *law.with_role("reversible"))
+    scaled = (*(spec.name for spec in specs), "c_H")
     parameters = {name: (factor * np.array(model.parameters[name])).tolist() for name in scaled}
     circuit = {"alpha": new_alpha, "rho": np.maximum(total / (1.0 - new_alpha) - 1.0, 0.0).tolist()}
     return replace(model, parameters={**model.parameters, **parameters, **circuit})
 
 
-def remove_rate_effect(model: Model, static: Model, slow: Loops) -> Loops | None:
+def remove_rate_effect(model: Model, static: Model, slow_loops: Loops) -> Loops | None:
     """Subtract the rate effect from slow loops; return None if it is negligible."""
     static_squares, rate_squares, corrected = [], [], []
-    for loop in slow.loops:
+    for loop in slow_loops.loops:
         static_output = static.predict_loop(loop)
         rate_effect = model.predict_loop(loop) - static_output
         static_squares.append(np.mean((loop.output - static_output) ** 2))
@@ -330,5 +335,5 @@ def remove_rate_effect(model: Model, static: Model, slow: Loops) -> Loops | None
     return (
         None
         if np.mean(rate_squares) <= MIN_RATE_EFFECT_RATIO**2 * np.mean(static_squares)
-        else slow.with_loops(corrected)
+        else slow_loops.with_loops(corrected)
     )

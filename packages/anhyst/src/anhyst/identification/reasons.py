@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.identification.candidates import Comparison, ModelCandidate, make_titles
+from anhyst.identification.candidates import CandidateComparison, ModelCandidate, make_titles
 from anhyst.identification.model_building import is_scheduled_over_gap
 from anhyst.model.schema import CHOSEN, CandidateFit
 
@@ -21,11 +21,11 @@ _MIN_OFFER_RATIO = 1.5
 
 
 def list_candidates(
-    comparison: Comparison, best: ModelCandidate, law: str
+    comparison: CandidateComparison, best: ModelCandidate, law: str
 ) -> tuple[CandidateFit, ...]:
     """Return all candidates, the simplest first."""
     candidates = sorted(
-        dict.fromkeys([*comparison.fits, *comparison.dropped]), key=lambda one: one.rank
+        dict.fromkeys([*comparison.fits, *comparison.dropped]), key=lambda entry: entry.rank
     )
     return tuple(
         CandidateFit(
@@ -43,7 +43,7 @@ def list_candidates(
     )
 
 
-def _note(comparison: Comparison, candidate: ModelCandidate, best: ModelCandidate) -> str:
+def _note(comparison: CandidateComparison, candidate: ModelCandidate, best: ModelCandidate) -> str:
     if candidate == best:
         return CHOSEN
     if candidate in comparison.dropped:
@@ -51,7 +51,9 @@ def _note(comparison: Comparison, candidate: ModelCandidate, best: ModelCandidat
     return "" if candidate in comparison.eligible else "passed over"
 
 
-def explain_law(comparison: Comparison, best: ModelCandidate, law: str, loopset: Loops) -> str:
+def explain_law(
+    comparison: CandidateComparison, best: ModelCandidate, law: str, loopset: Loops
+) -> str:
     """Explain why this law was selected."""
     names = dict(zip(comparison.fits, make_titles(list(comparison.fits), law), strict=True))
     withheld = {"gap": _schedule_plural(loopset), "loop": "loops", "block": "blocks of samples"}
@@ -67,31 +69,33 @@ def explain_law(comparison: Comparison, best: ModelCandidate, law: str, loopset:
         for model in comparison.eligible
         if model != best
     }
-    others = {model: error for model, error in errors.items() if error is not None}
-    if not others:
+    other_errors = {model: error for model, error in errors.items() if error is not None}
+    if not other_errors:
         return text
-    closest = min(others, key=lambda model: others[model])
+    closest = min(other_errors, key=lambda model: other_errors[model])
     map_text = (
         "" if closest.file_gap_map == best.file_gap_map else f" under '{closest.file_gap_map}'"
     )
-    text += f"; {names[closest]}{map_text} has an error of {_percent(others[closest])}"
+    text += f"; {names[closest]}{map_text} has an error of {_percent(other_errors[closest])}"
     return text + (
-        _explain_rejected(comparison, best, closest) if others[closest] < own_error else ""
+        _explain_rejected(comparison, best, closest) if other_errors[closest] < own_error else ""
     )
 
 
-def _explain_rejected(comparison: Comparison, best: ModelCandidate, other: ModelCandidate) -> str:
+def _explain_rejected(
+    comparison: CandidateComparison, best: ModelCandidate, rejected: ModelCandidate
+) -> str:
     """Explain why a candidate with a smaller mean error was not selected."""
-    if comparison.is_several_times_worse(other, best):
-        rms = np.sqrt([comparison.fits[candidate].reduced.cost for candidate in (best, other)])
+    if comparison.is_several_times_worse(rejected, best):
+        rms = np.sqrt([comparison.fits[candidate].reduced.cost for candidate in (best, rejected)])
         return f", but it fits the loops with {_percent(rms[1])} rms instead of {_percent(rms[0])}"
-    if other.rank > best.rank:
+    if rejected.rank > best.rank:
         return ", but the difference is within its scatter and the law is more complex"
     return ", but its mean square error, which decides, is larger or within its scatter"
 
 
 def explain_gap_map(
-    comparison: Comparison,
+    comparison: CandidateComparison,
     best: ModelCandidate,
     requested: str,
     loopset: Loops,
@@ -114,7 +118,7 @@ def explain_gap_map(
     else:
         reason = _explain_comparison(comparison, best, gaps)
     text = f"{reason}{_offer_free_map(comparison, best, loopset)}"
-    if names := dict.fromkeys(each.file_gap_map for each in rejected):
+    if names := dict.fromkeys(candidate.file_gap_map for candidate in rejected):
         text += (
             f"; passed over: {', '.join(names)} (cannot be compiled, fails the acceptance test, "
             "deviates between the gaps or has an implausible initial curve)"
@@ -122,7 +126,7 @@ def explain_gap_map(
     return text
 
 
-def _explain_comparison(comparison: Comparison, best: ModelCandidate, gaps: str) -> str:
+def _explain_comparison(comparison: CandidateComparison, best: ModelCandidate, gaps: str) -> str:
     name = best.file_gap_map
     errors = comparison.errors_by_map(best) if comparison.withheld_kind == "gap" else {}
     own_error = errors.pop(name, np.inf)
@@ -133,8 +137,10 @@ def _explain_comparison(comparison: Comparison, best: ModelCandidate, gaps: str)
         "largest output"
     )
     if others := ", ".join(
-        f"{other} {_percent(error)}" if np.isfinite(error) else f"{other} has no solution there"
-        for other, error in errors.items()
+        f"{map_name} {_percent(error)}"
+        if np.isfinite(error)
+        else f"{map_name} has no solution there"
+        for map_name, error in errors.items()
     ):
         reason += f" ({others})"
     if any(error < own_error for error in errors.values()):
@@ -142,7 +148,7 @@ def _explain_comparison(comparison: Comparison, best: ModelCandidate, gaps: str)
     return reason
 
 
-def _offer_free_map(comparison: Comparison, best: ModelCandidate, loopset: Loops) -> str:
+def _offer_free_map(comparison: CandidateComparison, best: ModelCandidate, loopset: Loops) -> str:
     """Suggest the map ``free`` if it fits better and was rejected because it cannot be compiled."""
     if is_scheduled_over_gap(loopset) or best.gap_map == "free":
         return ""
@@ -168,5 +174,5 @@ def _schedule_plural(loopset: Loops) -> str:
     return f"values of the {loopset.schedule.name}"
 
 
-def _percent(part: float) -> str:
-    return f"{100.0 * part:.2g} %"
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %"

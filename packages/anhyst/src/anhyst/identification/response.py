@@ -96,8 +96,8 @@ class ResponseForm:
 
     def named_values(self, local: ParameterSet) -> dict[str, float]:
         """Return the parameters of a set by name."""
-        around = (getattr(local, name) for name in CIRCUIT_NAMES)
-        return dict(zip(self.names, (*local.law, *around), strict=True))
+        circuit_values = (getattr(local, name) for name in CIRCUIT_NAMES)
+        return dict(zip(self.names, (*local.law, *circuit_values), strict=True))
 
     def make_set(self, values: Sequence[float]) -> ParameterSet:
         """Return a parameter set from values in the order of the names, with h by its rule."""
@@ -165,24 +165,24 @@ class Responder:
             require_answer(status)
         elif record.is_cycle and id(record) in self._starts:
             state = _make_admissible(self._starts[id(record)], form, local, float(r[-1]))
-        x, m, after, status, _ = operator.run(omega, r, state)
+        x, m, final_state, status, _ = operator.run(omega, r, state)
         require_answer(status)
         cycle_ends = [float(state[1])]
         while (
             record.is_cycle
-            and abs(after[1] - state[1]) > _CLOSED_TOLERANCE
+            and abs(final_state[1] - state[1]) > _CLOSED_TOLERANCE
             and len(cycle_ends) < _MAX_PASSES
         ):
-            cycle_ends.append(float(after[1]))
-            state = after
+            cycle_ends.append(float(final_state[1]))
+            state = final_state
             if len(cycle_ends) % _PASSES_PER_EXTRAPOLATION == 0:
                 state = _make_admissible(
-                    _extrapolate_cycle(after, cycle_ends), form, local, float(r[-1])
+                    _extrapolate_cycle(final_state, cycle_ends), form, local, float(r[-1])
                 )
-            x, m, after, status, _ = operator.run(omega, r, state)
+            x, m, final_state, status, _ = operator.run(omega, r, state)
             require_answer(status)
         if record.is_cycle:
-            self._starts[id(record)] = after
+            self._starts[id(record)] = final_state
         return np.asarray(local.gain * (m + local.h * x) ** form.power + local.out_0)
 
     def with_derivatives(
@@ -212,20 +212,20 @@ class Responder:
         state = _make_admissible(state, form, local, float(terms.r[-1]))
         for _ in range(_MAX_PASSES):
             seeds = _start_derivatives(form, local, terms, state)
-            x, m, x_t, m_t, after, seeds_after, status, _ = operator.sensitivity(
+            x, m, x_t, m_t, final_state, seeds_after, status, _ = operator.sensitivity(
                 terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, seeds
             )
             require_answer(status)
             remaining = min(float(seeds_after[_START_DERIVATIVE, 1]), 0.999)
-            mismatch = (after[1] - state[1]) / (1.0 - remaining)
+            mismatch = (final_state[1] - state[1]) / (1.0 - remaining)
             if abs(mismatch) < _NEARLY_CLOSED_TOLERANCE:
                 break
-            start = after + remaining * mismatch * seeds[_START_DERIVATIVE]
+            start = final_state + remaining * mismatch * seeds[_START_DERIVATIVE]
             state = _make_admissible(start, form, local, float(terms.r[-1]))
         # The remaining mismatch is so small that the derivatives correct it without another pass.
         x += mismatch * x_t[:, _START_DERIVATIVE]
         m += mismatch * m_t[:, _START_DERIVATIVE]
-        self._starts[id(record)] = after + remaining * mismatch * seeds[_START_DERIVATIVE]
+        self._starts[id(record)] = final_state + remaining * mismatch * seeds[_START_DERIVATIVE]
         start_t = seeds_after[:_DERIVATIVE_COUNT, 1] / (1.0 - remaining)
         m_t[:, :_DERIVATIVE_COUNT] += m_t[:, _START_DERIVATIVE, None] * start_t
         x_t[:, :_DERIVATIVE_COUNT] += x_t[:, _START_DERIVATIVE, None] * start_t
@@ -374,11 +374,15 @@ def _make_admissible(
     return np.array([x, y, p])
 
 
-def _extrapolate_cycle(state: FloatArray, ends: list[float]) -> FloatArray:
+def _extrapolate_cycle(state: FloatArray, cycle_ends: list[float]) -> FloatArray:
     """Extrapolate the last three ends of passes: small loops need hundreds of passes to settle."""
-    first_step, second_step = ends[-2] - ends[-3], ends[-1] - ends[-2]
+    first_step, second_step = cycle_ends[-2] - cycle_ends[-3], cycle_ends[-1] - cycle_ends[-2]
     if abs(second_step) >= abs(first_step):
         return state
     return np.array(
-        [state[0], ends[-1] - second_step * second_step / (second_step - first_step), state[2]]
+        [
+            state[0],
+            cycle_ends[-1] - second_step * second_step / (second_step - first_step),
+            state[2],
+        ]
     )

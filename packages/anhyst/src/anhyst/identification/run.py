@@ -306,8 +306,8 @@ class IdentifyResult(Result):
         self.loops.draw(ax)
         scale, _ = length_scale(self.loops.output)
         for loop, fitted in zip(self.loops.loops, self.fitted, strict=True):
-            every = thinning_slice(loop.n)
-            ax.plot(loop.input[every], scale * fitted[every], color="0.15", lw=0.8, ls="--")
+            plotted = thinning_slice(loop.n)
+            ax.plot(loop.input[plotted], scale * fitted[plotted], color="0.15", lw=0.8, ls="--")
         ax.plot([], [], color="0.15", lw=0.8, ls="--", label="model")
 
     def save(self, path: PathLike) -> Path:

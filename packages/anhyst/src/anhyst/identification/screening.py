@@ -106,10 +106,10 @@ def screen_sets(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the cost of many sets at one gap, with the best gain and offset of each."""
     moments, total = _moments(form, records, sets[:4], sets[4])
-    ones, sum_b, sum_bb, sum_y, sum_by = moments
-    determinant = ones * sum_bb - sum_b**2
-    gain = (ones * sum_by - sum_b * sum_y) / np.where(determinant > 0.0, determinant, np.inf)
-    out_0 = (sum_y - gain * sum_b) / ones
+    weight_sum, sum_b, sum_bb, sum_y, sum_by = moments
+    determinant = weight_sum * sum_bb - sum_b**2
+    gain = (weight_sum * sum_by - sum_b * sum_y) / np.where(determinant > 0.0, determinant, np.inf)
+    out_0 = (sum_y - gain * sum_b) / weight_sum
     return np.where(gain > 0.0, _cost(moments, total, gain, out_0), np.inf), gain, out_0
 
 
@@ -144,12 +144,12 @@ def _moments(
     moments = np.zeros((5, sets.shape[1]))
     total = 0.0
     for record in records.loops:
-        kept = thin_rows(record.input, _SCREENING_SAMPLES)
-        m, x_out = follow_sets(record, kept, sets, offset)
+        sample_indices = thin_rows(record.input, _SCREENING_SAMPLES)
+        m, x_out = follow_sets(record, sample_indices, sets, offset)
         shape = (m + form.h * x_out) ** form.power
-        weight = record.weight**2 * record.input.size / kept.size
-        measured = record.output[kept]
-        moments[0] += weight * kept.size
+        weight = record.weight**2 * record.input.size / sample_indices.size
+        measured = record.output[sample_indices]
+        moments[0] += weight * sample_indices.size
         moments[1] += weight * shape.sum(axis=0)
         moments[2] += weight * np.einsum("ij,ij->j", shape, shape)
         moments[3] += weight * measured.sum()
@@ -159,8 +159,8 @@ def _moments(
 
 
 def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray) -> FloatArray:
-    ones, sum_b, sum_bb, sum_y, sum_by = moments
-    square = total + gain**2 * sum_bb + out_0**2 * ones
+    weight_sum, sum_b, sum_bb, sum_y, sum_by = moments
+    square = total + gain**2 * sum_bb + out_0**2 * weight_sum
     return np.asarray(square + 2.0 * (gain * out_0 * sum_b - gain * sum_by - out_0 * sum_y))
 
 
@@ -294,12 +294,12 @@ def sample_cell_starts(kernel: CellKernel, count: int, seed: int, has_gap: bool)
         *other_ranges * (kernel.population_count - 1),
     ]
     low, high = np.log(np.array(ranges)).T[:, :, None]
-    drawn = low + (high - low) * sample_unit_cube(len(ranges), count, seed)
+    samples = low + (high - low) * sample_unit_cube(len(ranges), count, seed)
     starts = []
-    for scaled_field, part, *law in np.exp(drawn).T.tolist():
+    for scaled_field, iron_drive_share, *law in np.exp(samples).T.tolist():
         max_field = scaled_field / CURVE_SLOPES[kernel.shape]
         law[2::4] = [pinned * max_field for pinned in law[2::4]]
-        starts.append(CellStart(tuple(law), max_field, part))
+        starts.append(CellStart(tuple(law), max_field, iron_drive_share))
     return starts
 
 

@@ -55,14 +55,14 @@ def correlation_length(deviations: FloatArray) -> float:
     spectrum = np.abs(np.fft.rfft(centred, 2 * centred.size)) ** 2
     correlation = np.fft.irfft(spectrum)[: centred.size] / power
     negative = np.flatnonzero(correlation <= 0.0)
-    end = int(negative[0]) if negative.size else centred.size
-    return max(1.0, 2.0 * float(correlation[:end].sum()) - 1.0)
+    zero_lag = int(negative[0]) if negative.size else centred.size
+    return max(1.0, 2.0 * float(correlation[:zero_lag].sum()) - 1.0)
 
 
 def _split_by_record(space: CoordinateSpace, deviation: FloatArray) -> list[FloatArray]:
     """Split the residuals by record, without the regularisation residuals after them."""
-    ends = np.cumsum([record.input.size for record in space.records.loops])
-    return np.split(deviation, ends)[:-1]
+    record_ends = np.cumsum([record.input.size for record in space.records.loops])
+    return np.split(deviation, record_ends)[:-1]
 
 
 def _covariance(fit: FoundModel) -> FloatArray:
@@ -200,8 +200,9 @@ _CONTRADICTION_SIGMAS = 4.0
 """Number of standard errors above which a fitted offset contradicts the sensor reading."""
 
 _MAX_REST_READING_COST_RATIO = 2.0
-"""Factor of the mean square residual up to which a reading at rest is used against a contradicting
-fit. The model error that an offset can hide raised it by 1.4 (three gaps, 2 mA of noise)."""
+"""A reading at rest replaces a contradicting fitted offset unless it increases the mean square
+residual by more than this factor. The model error that an offset can hide raised it by 1.4 (three
+gaps, 2 mA of noise)."""
 
 _NEGLIGIBLE_COST = 1e-20
 """Mean square residual, relative to the largest output squared, below which fits are equal."""
@@ -214,8 +215,10 @@ def remove_unneeded_offsets(
 
     Offsets that differ between gaps are not sensor offsets, and stay free.
     """
-    free = sorted(name for name, gap in fit.space.entries if name in OFFSET_NAMES and gap is None)
-    if not free:
+    free_offsets = sorted(
+        name for name, gap in fit.space.entries if name in OFFSET_NAMES and gap is None
+    )
+    if not free_offsets:
         return fit
     linearisation = Objective(fit.space, fit.smoothness).linearise(fit.theta)
     residuals = _split_by_record(fit.space, linearisation.deviation)
@@ -228,7 +231,9 @@ def remove_unneeded_offsets(
         float(sum(residual.size for residual in residuals)) / samples_per_value / loop_correlation,
     )
     removable_sets = [
-        frozenset(names) for n in range(1, len(free) + 1) for names in combinations(free, n)
+        frozenset(names)
+        for n in range(1, len(free_offsets) + 1)
+        for names in combinations(free_offsets, n)
     ]
     contradicted = _find_contradicted_offsets(fit)
     removable_sets = [names for names in removable_sets if contradicted <= names]
@@ -240,9 +245,9 @@ def remove_unneeded_offsets(
 
     attempts = {}
     for names in removable_sets:
-        space, kept = fit.space.with_fixed(names)
+        space, coordinates = fit.space.with_fixed(names)
         cost, theta = _predict_without_offsets(fit, linearisation, names)
-        attempts[names] = score(cost, space, theta[kept]), space, theta[kept]
+        attempts[names] = score(cost, space, theta[coordinates]), space, theta[coordinates]
     _, space, start = min(attempts.values(), key=lambda attempt: attempt[0])
     full_score = score(fit.cost, fit.space, fit.theta)
     # For any values of the remaining offsets, the reduced fit is rejected above this cost.
@@ -258,7 +263,7 @@ def remove_unneeded_offsets(
     best = reduced if is_better or (contradicted and reduced.cost <= goal) else fit
     try:
         Objective(best.space).outputs(best.parameter_sets)
-    except NoResponseError:  # a fit without a solution has converged at a constant cost
+    except NoResponseError:  # the reduced fit may have no solution
         best = fit
     return replace(best, evaluations=fit.evaluations + reduced.evaluations + 1)
 
@@ -297,10 +302,10 @@ def _predict_without_offsets(
 
 def _offset_penalty(space: CoordinateSpace, theta: FloatArray, independent_samples: float) -> float:
     """Return the penalty of the free offsets of a space, as twice the logarithm of the odds."""
-    rest = space.records.rest
+    readings_at_rest = space.records.rest
     readings = {
-        "in_0": (rest.input, space.records.input_span),
-        "out_0": (rest.output, space.records.output_span),
+        "in_0": (readings_at_rest.input, space.records.input_span),
+        "out_0": (readings_at_rest.output, space.records.output_span),
     }
     penalty = 0.0
     for (name, _), value in zip(space.entries, theta.tolist(), strict=True):
@@ -336,9 +341,9 @@ def ambiguity_within_loop(chosen: Model, others: Sequence[Model], loopset: Loops
     history = History("conditioned", (low, high, low, high, low))
     outputs = []
     for model in (chosen, *others):
-        at = loop.schedule_value if model.needs_schedule else None
+        schedule = loop.schedule_value if model.needs_schedule else None
         try:
-            outputs.append(model.predict(drive, at, history=history).output)
+            outputs.append(model.predict(drive, schedule, history=history).output)
         except (InputError, NegativeResult):
             continue
     differences = [rms(run - outputs[0]) for run in outputs[1:]]
@@ -362,11 +367,11 @@ def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
         history = replace(loop.history, schedule=())
         gap = math.sqrt(low * high) if low > 0.0 else 0.5 * (low + high)
         try:
-            first = model.predict(loop.input, gap, history=history).output
-            second = rival.predict(loop.input, gap, history=history).output
+            output = model.predict(loop.input, gap, history=history).output
+            rival_output = rival.predict(loop.input, gap, history=history).output
         except (InputError, NegativeResult):
             return float("inf")
-        deviations.append(float(np.mean(np.abs(first - second))))
+        deviations.append(float(np.mean(np.abs(output - rival_output))))
     return max(deviations, default=0.0) / largest_output(loopset)
 
 
@@ -497,8 +502,10 @@ def _free_first_cells(model: Model, cells: CellWeights, count: int) -> Model:
     )
     removed = {spec.name for spec in model.operator_law.parameters}
     removed -= {spec.name for spec in get_law(model.law, remaining_cells).parameters}
-    kept = {name: value for name, value in model.parameters.items() if name not in removed}
-    return replace(model, cells=remaining_cells, parameters=kept)
+    remaining_parameters = {
+        name: value for name, value in model.parameters.items() if name not in removed
+    }
+    return replace(model, cells=remaining_cells, parameters=remaining_parameters)
 
 
 def _mean_square_error(model: Model, loops: Loops) -> float:

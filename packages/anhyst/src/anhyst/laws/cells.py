@@ -172,8 +172,10 @@ def _discretise(pinned: tuple[Population, ...]) -> _Discretisation:
     spreads = np.array([[cell.spread] for cell in pinned])
     low, high = MIN_THRESHOLD_RATIO * float(scales.min()), MAX_THRESHOLD_RATIO * float(scales.max())
     levels = np.zeros(PINNED_CELLS + 1)  # np.geomspace would take as long as the rest
-    start, end = np.log10(low), np.log10(high)
-    levels[1:] = 10.0 ** (np.arange(PINNED_CELLS) * ((end - start) / (PINNED_CELLS - 1)) + start)
+    log_low, log_high = np.log10(low), np.log10(high)
+    levels[1:] = 10.0 ** (
+        np.arange(PINNED_CELLS) * ((log_high - log_low) / (PINNED_CELLS - 1)) + log_low
+    )
     levels[1], levels[-1] = low, high
     logs = np.log(np.sqrt(levels[1:-1] * levels[2:]) / scales)
     u = np.exp(np.minimum(spreads * logs, np.log(700.0)))  # exp(-u) is zero beyond 700
@@ -219,14 +221,14 @@ class Tangents(NamedTuple):
 def population_tangents(pinned: Sequence[Population]) -> Tangents:
     """Return the derivatives of :func:`discretise_populations` by its ``d = 2 + 4 J`` parameters."""
     magnetisation, _, scales, spreads = np.array(pinned).T
-    levels, logs, shares, by_log = _discretise(tuple(pinned))
+    levels, logs, shares, log_derivatives = _discretise(tuple(pinned))
     count, directions = len(pinned), 2 + 4 * len(pinned)
     log_thresholds = np.zeros(
         (PINNED_CELLS, directions)
     )  # derivatives of the logarithms of the thresholds
     position = np.linspace(0.0, 1.0, PINNED_CELLS)
-    for part, which in ((1.0 - position, scales.argmin()), (position, scales.argmax())):
-        log_thresholds[:, 4 * which + 4] += part / scales[which]
+    for weight, population in ((1.0 - position, scales.argmin()), (position, scales.argmax())):
+        log_thresholds[:, 4 * population + 4] += weight / scales[population]
     index, column = np.arange(count), 4 * np.arange(count) + 2
     remaining = np.zeros(
         (count, PINNED_CELLS + 1, directions)
@@ -234,8 +236,8 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
     inner_remaining = remaining[:, 1:-1]
     inner_remaining[:] = 0.5 * (log_thresholds[:-1] + log_thresholds[1:])
     inner_remaining[index, :, column + 2] -= 1.0 / scales[:, None]
-    inner_remaining *= (spreads[:, None] * by_log)[:, :, None]
-    inner_remaining[index, :, column + 3] = by_log * logs
+    inner_remaining *= (spreads[:, None] * log_derivatives)[:, :, None]
+    inner_remaining[index, :, column + 3] = log_derivatives * logs
     weights = np.zeros((levels.size, 1 + count, directions))
     weights[1:, 1:] = (
         magnetisation[:, None, None] * (remaining[:, :-1] - remaining[:, 1:])
@@ -251,22 +253,22 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
 FIELD_SAMPLES = 2001  # number of fields at which the largest slope is searched
 
 
-def curve_value(shape: Shape, part: FloatArray) -> FloatArray:
+def curve_value(shape: Shape, position: FloatArray) -> FloatArray:
     """Return the curve ``phi``."""
     if shape == "tanh":
-        return np.asarray(np.tanh(part))
+        return np.asarray(np.tanh(position))
     from anhyst._core import langevin
 
-    return np.asarray(langevin(part.ravel())[0].reshape(part.shape))
+    return np.asarray(langevin(position.ravel())[0].reshape(position.shape))
 
 
-def curve_slope(shape: Shape, part: FloatArray) -> FloatArray:
+def curve_slope(shape: Shape, position: FloatArray) -> FloatArray:
     """Return the slope of the curve ``phi``."""
     if shape == "tanh":
-        return np.asarray(1.0 / np.cosh(np.minimum(np.abs(part), 300.0)) ** 2)
+        return np.asarray(1.0 / np.cosh(np.minimum(np.abs(position), 300.0)) ** 2)
     from anhyst._core import langevin
 
-    return np.asarray(langevin(part.ravel())[1].reshape(part.shape))
+    return np.asarray(langevin(position.ravel())[1].reshape(position.shape))
 
 
 @lru_cache(maxsize=16)

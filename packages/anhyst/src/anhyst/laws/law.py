@@ -129,15 +129,15 @@ class Kernel:
         kappa, c = law
         return {"M_s": saturation, "a": width, "k": kappa * width, "c": c, "alpha": alpha}
 
-    def scale_internal_field(self, iron: dict[str, float], part: float) -> None:
+    def scale_internal_field(self, iron: dict[str, float], factor: float) -> None:
         """Scale the field inside an iron without interaction by a factor, by adding interaction."""
-        iron["alpha"] = 1.0 - part
-        iron["a"] *= part
-        iron["k"] *= part
+        iron["alpha"] = 1.0 - factor
+        iron["a"] *= factor
+        iron["k"] *= factor
 
-    def dead_band_parameter(self, iron: Mapping[str, float], part: float) -> dict[str, float]:
+    def dead_band_parameter(self, iron: Mapping[str, float], ratio: float) -> dict[str, float]:
         """Return the parameter of a dead band whose half-width is a share of the pinning."""
-        return {"r_d": part * iron["k"]}
+        return {"r_d": ratio * iron["k"]}
 
 
 @dataclass(frozen=True, slots=True)

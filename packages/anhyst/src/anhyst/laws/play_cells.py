@@ -37,10 +37,10 @@ _POPULATION_PARAMETERS: tuple[tuple[str, str, str, float, tuple[float, float], R
 
 def _population_specs(number: int) -> Iterator[ParameterSpec]:
     """Yield the parameters of a population; all except those of the first are optional."""
-    first = number == 1
+    is_first = number == 1
     ordinal = ("first", "second", "third")[number - 1]
     for symbol, meaning, unit, default, search, role in _POPULATION_PARAMETERS:
-        may_vanish = symbol == "M" and not first
+        may_vanish = symbol == "M" and not is_first
         yield ParameterSpec(
             f"{symbol}_{number}",
             f"{ordinal} population: {meaning}",
@@ -48,8 +48,8 @@ def _population_specs(number: int) -> Iterator[ParameterSpec]:
             low=0.0,
             closed=may_vanish,
             coordinate="plain" if may_vanish else "log",
-            default=None if first else default,
-            search=search if first else None,
+            default=None if is_first else default,
+            search=search if is_first else None,
             role=role,
         )
 
@@ -85,7 +85,7 @@ def make_cells(shape: Shape, *numbers: float) -> CellWeights:
     """Return the cells for all parameters except ``alpha``, in the order of the file."""
     from anhyst.laws.cells import Population, discretise_populations
 
-    pinned = [Population(*numbers[at : at + 4]) for at in range(2, len(numbers), 4)]
+    pinned = [Population(*numbers[index : index + 4]) for index in range(2, len(numbers), 4)]
     return discretise_populations((numbers[0], numbers[1]), pinned, shape)
 
 
@@ -119,8 +119,10 @@ def _iron(shape: Shape, *numbers: float) -> CellIron:
 def _with_cells(name: str, cells: CellWeights) -> Law:
     shape = _SHAPES[name]
     if cells.shape != shape:
-        other = next(known for known, curve in _SHAPES.items() if curve == cells.shape)
-        raise ValueError(f"shape is {cells.shape!r}, that of law {other!r}; {name!r} has {shape!r}")
+        other_law = next(law_name for law_name, curve in _SHAPES.items() if curve == cells.shape)
+        raise ValueError(
+            f"shape is {cells.shape!r}, that of law {other_law!r}; {name!r} has {shape!r}"
+        )
 
     def given(_: Mapping[str, float]) -> CellWeights:
         return cells

@@ -65,15 +65,15 @@ class GapCheck:
 
     def text(self, unit: str) -> str:
         """Return the result as a sentence; ``unit`` is the unit of the drive."""
-        at = f"{1e3 * self.gap:.4g} mm"
+        gap_text = f"{1e3 * self.gap:.4g} mm"
         if self.failure:
-            return f"the model cannot be computed at a gap of {at}: {self.failure}"
+            return f"the model cannot be computed at a gap of {gap_text}: {self.failure}"
         if self.passed:
             span = f"{1e3 * self.gaps[0]:.4g} to {1e3 * self.gaps[-1]:.4g} mm"
             return f"at every drive the output rises as the gap closes ({span}, both branches)"
         return (
             f"the output falls as the gap closes: by {100 * self.fall:.2g} % of the largest, at "
-            f"{at} and {self.at_drive:.4g} {unit} on the {self.branch} branch; "
+            f"{gap_text} and {self.at_drive:.4g} {unit} on the {self.branch} branch; "
             "no electromagnet with a simple gap does that; do not use the model there"
         )
 
@@ -122,7 +122,7 @@ def check_over_drive(model: ModelData) -> DriveCheck | None:
         "demagnetised": "from the demagnetised state",
         f"conditioned:{start!r},{largest!r},{start!r}": "from remanence",
     }
-    worst = DriveCheck(0.0, start, "")
+    worst_check = DriveCheck(0.0, start, "")
     largest_output = max(map(abs, model.valid.output))
     gaps: list[float | None] = [None]
     if model.needs_schedule:
@@ -141,9 +141,9 @@ def check_over_drive(model: ModelData) -> DriveCheck | None:
             falls = np.maximum.accumulate(output) - output
             row = int(np.argmax(falls))
             fall = float(falls[row]) / max(largest_output, np.finfo(np.float64).tiny)
-            if fall > worst.fall:
-                worst = DriveCheck(fall, float(rise[row]), where)
-    return worst
+            if fall > worst_check.fall:
+                worst_check = DriveCheck(fall, float(rise[row]), where)
+    return worst_check
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,9 +217,9 @@ def check_over_gap(
         return GapCheck(gaps, drive, output, offset, np.inf, gap, 0.0, "rising", sign, failure)
     fall = _falls_as_gap_closes(sign * output, sign * offset)
     gap_index, sample = np.unravel_index(int(np.argmax(fall)), fall.shape)
-    worst = float(fall[gap_index, sample]), float(gaps[gap_index]), float(drive[sample])
+    worst_place = float(fall[gap_index, sample]), float(gaps[gap_index]), float(drive[sample])
     branch = "rising" if sample < DRIVES_PER_BRANCH else "falling"
-    return GapCheck(gaps, drive, output, offset, *worst, branch, sign)
+    return GapCheck(gaps, drive, output, offset, *worst_place, branch, sign)
 
 
 _NEGATIVE_END_RATIO = 1.05

@@ -112,10 +112,10 @@ class Model(Result, ModelData):
         time: ArrayLike | None,
         history: HistoryLike | None,
     ) -> Prediction:
-        found = run_record(self, kind, values, schedule, time, history)
+        result = run_record(self, kind, values, schedule, time, history)
         quantity = self.input if kind == "drive" else self.output
         warn_if_far(self, quantity, as_samples(values, kind), schedule)
-        return found
+        return result
 
     def predict_loop(self, loop: Loop) -> FloatArray:
         """Return the modelled output for the drive of a measured loop, shape (n,)."""
@@ -164,17 +164,17 @@ class Model(Result, ModelData):
             values = value if isinstance(value, tuple) else (value,)
             nodes = self.nodes if len(values) > 1 else (float("nan"),)
             rows += [(self.file_keys[name][1], *pair) for pair in zip(nodes, values, strict=True)]
-        at = self.schedule.column if self.schedule is not None else "node"
+        node_column = self.schedule.column if self.schedule is not None else "node"
         names, positions, numbers = zip(*rows, strict=True)
-        return {"parameter": list(names), at: list(positions), "value": list(numbers)}
+        return {"parameter": list(names), node_column: list(positions), "value": list(numbers)}
 
     def draw(self, ax: Axes) -> None:
         """Draw :meth:`settled_loop` at each node."""
         scale, label = length_scale(self.output)
         for node, colour in schedule_colours(self.nodes or (0.0,)).items():
-            at = node if self.nodes else None
-            drive, output = self.settled_loop(at, DRAWN_SAMPLES)
-            name = group_label(self.schedule, at)
+            gap = node if self.nodes else None
+            drive, output = self.settled_loop(gap, DRAWN_SAMPLES)
+            name = group_label(self.schedule, gap)
             ax.plot(drive, scale * output, color=colour, lw=1.1, label=name)
         ax.set_xlabel(self.input.label)
         ax.set_ylabel(label)
@@ -272,14 +272,14 @@ def find_compile_obstacle(model: Model) -> str | None:
     """Return why a model cannot be compiled, and the remedy; None if it can be compiled."""
     law = model.operator_law
     if law.least_slope is None:
-        others = " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)
-        return f"law {model.law!r} cannot be compiled: {law.obstacle}; identify with {others}"
+        alternatives = " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)
+        return f"law {model.law!r} cannot be compiled: {law.obstacle}; identify with {alternatives}"
     if model.needs_fixed_gap:
         schedule_name = model.schedule.name if model.schedule else "gap"
-        others = "scaling or reluctance" if schedule_name == "gap" else "scaling"
+        alternatives = "scaling or reluctance" if schedule_name == "gap" else "scaling"
         return (
             f"gap map 'free' cannot be compiled: the iron itself would change with the {schedule_name}; "
-            f"identify with --gap-map {others}"
+            f"identify with --gap-map {alternatives}"
         )
     if model.has_eddy_currents and not (model.has_layers or model.has_lag):
         return "gamma: these eddy currents cannot be compiled; use the model at rest (at_rest)"
@@ -296,10 +296,10 @@ def require_core(model: Model, at: float) -> None:
 
 
 def least_slope(model: Model, at: FloatArray) -> FloatArray:
-    """Return ``1 + w*S``: the smallest slope of the drive over the field, relative to air."""
-    least = model.operator_law.least_slope
-    assert least is not None
-    return least(model.parameters_at(float(at[0])), model.interpolate_parameter("rho", at))
+    """Return ``1 + w*S``: the smallest slope of drive over field, relative to that without iron."""
+    slope_function = model.operator_law.least_slope
+    assert slope_function is not None
+    return slope_function(model.parameters_at(float(at[0])), model.interpolate_parameter("rho", at))
 
 
 def _find_jump(model: Model) -> str | None:
@@ -312,8 +312,8 @@ def _find_jump(model: Model) -> str | None:
         "(the coupling of the iron exceeds the effect of the gap), so the model cannot be compiled: "
     )
     if jumps.all():
-        other = "scaling" if "rho" in model.varying else "reluctance"
-        switch = f"identify with --gap-map {other}, or " if len(model.nodes) > 1 else ""
+        other_map = "scaling" if "rho" in model.varying else "reluctance"
+        switch = f"identify with --gap-map {other_map}, or " if len(model.nodes) > 1 else ""
         return f"{text}{switch}measure with a wider gap; predict and invert follow the jumps"
     name, unit = ("", "") if model.schedule is None else (model.schedule.name, model.schedule.unit)
     low, high = gaps[jumps].min(), gaps[jumps].max()

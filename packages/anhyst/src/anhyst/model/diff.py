@@ -98,9 +98,11 @@ class ModelDiff(Result):
 
     def draw(self, ax: Axes) -> None:
         """Draw mean and largest difference of the steady-state loops over the scheduling variable."""
-        at = [0.0 if loop.schedule is None else loop.schedule for loop in self.loops]
-        ax.plot(at, [loop.worst for loop in self.loops], "o-", lw=1.1, label="largest difference")
-        ax.plot(at, [loop.mean for loop in self.loops], "o-", lw=1.1, label="mean")
+        schedules = [0.0 if loop.schedule is None else loop.schedule for loop in self.loops]
+        ax.plot(
+            schedules, [loop.worst for loop in self.loops], "o-", lw=1.1, label="largest difference"
+        )
+        ax.plot(schedules, [loop.mean for loop in self.loops], "o-", lw=1.1, label="mean")
         ax.set_xlabel("scheduling variable, SI")
         ax.set_ylabel("difference of the outputs, SI")
 
@@ -189,5 +191,10 @@ def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> Lo
         model.predict(cycle, gap, times, "settled").output for model in (first, second)
     )
     differences = np.abs(output - other)
-    largest, at = full_scale(first.output, (output,)), float(cycle[int(np.argmax(differences))])
-    return LoopDifference(gap, largest, float(differences.mean()), float(differences.max()), at)
+    largest, worst_drive = (
+        full_scale(first.output, (output,)),
+        float(cycle[int(np.argmax(differences))]),
+    )
+    return LoopDifference(
+        gap, largest, float(differences.mean()), float(differences.max()), worst_drive
+    )

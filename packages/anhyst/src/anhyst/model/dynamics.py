@@ -67,12 +67,12 @@ class Dynamics:
         """Whether a run needs the times of its samples."""
         return self.lag > 0.0 or bool(self.times)
 
-    def advance(self, flux: float, slow: FloatArray, step: float) -> FloatArray:
+    def advance(self, flux: float, slow_parts: FloatArray, step: float) -> FloatArray:
         """Return the slow parts after a flux density was constant for a time, s."""
-        return np.asarray(flux + np.exp(-step / np.array(self.times)) * (slow - flux))
+        return np.asarray(flux + np.exp(-step / np.array(self.times)) * (slow_parts - flux))
 
     def apply_creep(
-        self, inputs: FloatArray, time: FloatArray, slow: FloatArray, *, is_flux_known: bool
+        self, inputs: FloatArray, time: FloatArray, slow_parts: FloatArray, *, is_flux_known: bool
     ) -> tuple[FloatArray, FloatArray, float]:
         """Add creep to a known flux density, or subtract it from one that includes it.
 
@@ -82,16 +82,19 @@ class Dynamics:
         decay = np.exp(-np.diff(time, prepend=time[0])[:, None] / np.array(self.times))
         shares = np.array(self.shares)
         if is_flux_known:
-            parts = np.stack(
-                [_follow_known_flux(inputs, *pair) for pair in zip(decay.T, slow, strict=True)]
+            slow_rows = np.stack(
+                [
+                    _follow_known_flux(inputs, *pair)
+                    for pair in zip(decay.T, slow_parts, strict=True)
+                ]
             )
-            return inputs + shares @ parts, parts[:, -1], float(inputs[-1])
+            return inputs + shares @ slow_rows, slow_rows[:, -1], float(inputs[-1])
         creep = np.empty(inputs.size)
-        before = 0.0
+        flux_before = 0.0
         for i, value in enumerate(inputs.tolist()):
-            slow = before + decay[i] * (slow - before) if i else slow
-            creep[i] = before = value - float(shares @ slow)
-        return creep, slow, before
+            slow_parts = flux_before + decay[i] * (slow_parts - flux_before) if i else slow_parts
+            creep[i] = flux_before = value - float(shares @ slow_parts)
+        return creep, slow_parts, flux_before
 
     def settled_slow_parts(
         self, inputs: FloatArray, time: FloatArray, *, is_flux_known: bool
@@ -114,12 +117,12 @@ class Dynamics:
 
 def _follow_known_flux(inputs: FloatArray, decay: FloatArray, start: float) -> FloatArray:
     """Return one slow part for a known input; Python floats are faster than arrays here."""
-    slow, before = float(start), 0.0
+    slow_part, flux_before = float(start), 0.0
     slow_values: list[float] = []
-    for part, value in zip(decay.tolist(), inputs.tolist(), strict=True):
-        slow = before + part * (slow - before) if slow_values else slow
-        slow_values.append(slow)
-        before = value
+    for factor, value in zip(decay.tolist(), inputs.tolist(), strict=True):
+        slow_part = flux_before + factor * (slow_part - flux_before) if slow_values else slow_part
+        slow_values.append(slow_part)
+        flux_before = value
     return np.array(slow_values)
 
 

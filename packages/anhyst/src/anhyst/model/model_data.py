@@ -202,8 +202,8 @@ class ModelData:
     @cached_property
     def needs_fixed_gap(self) -> bool:
         """Whether the scheduling variable must be constant in a run (gap map ``free``)."""
-        own = {spec.name for spec in self.operator_law.parameters}
-        return not own.isdisjoint(self.varying)
+        law_names = {spec.name for spec in self.operator_law.parameters}
+        return not law_names.isdisjoint(self.varying)
 
     @property
     def needs_schedule(self) -> bool:
@@ -213,8 +213,8 @@ class ModelData:
     @property
     def needs_time(self) -> bool:
         """Whether a run needs the times of its samples."""
-        late = self.dynamics is not None and self.dynamics.needs_time
-        return late or self.has_eddy_currents
+        has_dynamics = self.dynamics is not None and self.dynamics.needs_time
+        return has_dynamics or self.has_eddy_currents
 
     @cached_property
     def has_eddy_currents(self) -> bool:
@@ -246,9 +246,12 @@ class ModelData:
     @property
     def jumps_without_gap(self) -> bool:
         """Whether the iron would jump without a gap."""
-        least = self.operator_law.least_slope
+        slope_function = self.operator_law.least_slope
         iron = self.parameters_at(self.first_node)
-        return least is not None and float(least(iron, np.zeros(1)).min()) < MIN_SLOPE
+        return (
+            slope_function is not None
+            and float(slope_function(iron, np.zeros(1)).min()) < MIN_SLOPE
+        )
 
     @property
     def valid_range(self) -> schema.ValidRange:
@@ -305,8 +308,8 @@ class ModelData:
 
         The value may be omitted if no parameter varies; otherwise, `InputError` is raised.
         """
-        at = np.array([self.schedule_or_default(schedule)])
-        return {name: float(self.interpolate_parameter(name, at)[0]) for name in self.specs}
+        gap = np.array([self.schedule_or_default(schedule)])
+        return {name: float(self.interpolate_parameter(name, gap)[0]) for name in self.specs}
 
     def schedule_or_default(self, schedule: float | None) -> float:
         """Return the scheduling value; raise `InputError` if it is missing but needed."""
@@ -333,19 +336,19 @@ class ModelData:
         return self._iron(0.0)
 
     def _iron(self, schedule: float) -> IronOperator:
-        at, law = np.array([schedule]), self.operator_law
-        values = (float(self.interpolate_parameter(spec.name, at)[0]) for spec in law.parameters)
+        gap, law = np.array([schedule]), self.operator_law
+        values = (float(self.interpolate_parameter(spec.name, gap)[0]) for spec in law.parameters)
         return _iron(law, self.layers, *values)
 
     def circuit(self, schedule: FloatArray | None, eddy_rate: FloatArray) -> Circuit:
         """Return the circuit at each sample; ``eddy_rate`` is 1/dt, 0 without eddy currents."""
-        at = schedule
-        if at is None:
-            at = np.full(eddy_rate.shape, self.schedule_or_default(None))
+        gaps = schedule
+        if gaps is None:
+            gaps = np.full(eddy_rate.shape, self.schedule_or_default(None))
         # Searches need the same short rows repeatedly.
-        key, cache = at.tobytes() if at.size <= MAX_CACHED_SAMPLES else b"", self._cached_rows
+        key, cache = gaps.tobytes() if gaps.size <= MAX_CACHED_SAMPLES else b"", self._cached_rows
         rows = cache.get(key) or tuple(
-            self.interpolate_parameter(spec.name, at) for spec in CIRCUIT_SPECS
+            self.interpolate_parameter(spec.name, gaps) for spec in CIRCUIT_SPECS
         )
         if key and key not in cache:
             for values in rows:

@@ -249,21 +249,25 @@ def _monotone_slopes(nodes: FloatArray, heights: FloatArray) -> FloatArray:
     secant = np.diff(heights) / width
     slopes = np.zeros(nodes.size)
     has_same_sign = secant[:-1] * secant[1:] > 0.0
-    left, right = 2.0 * width[1:] + width[:-1], width[1:] + 2.0 * width[:-1]
+    left_weight, right_weight = 2.0 * width[1:] + width[:-1], width[1:] + 2.0 * width[:-1]
     left_secant, right_secant = (
         np.where(has_same_sign, secant[:-1], 1.0),
         np.where(has_same_sign, secant[1:], 1.0),
     )
     slopes[1:-1] = np.where(
-        has_same_sign, (left + right) / (left / left_secant + right / right_secant), 0.0
+        has_same_sign,
+        (left_weight + right_weight) / (left_weight / left_secant + right_weight / right_secant),
+        0.0,
     )
     slopes[0] = _end_slope(width[0], width[1], secant[0], secant[1])
     slopes[-1] = _end_slope(width[-1], width[-2], secant[-1], secant[-2])
     return slopes
 
 
-def _end_slope(near: float, far: float, secant: float, next_secant: float) -> float:
-    slope = ((2.0 * near + far) * secant - near * next_secant) / (near + far)
+def _end_slope(near_width: float, far_width: float, secant: float, next_secant: float) -> float:
+    slope = ((2.0 * near_width + far_width) * secant - near_width * next_secant) / (
+        near_width + far_width
+    )
     if slope * secant <= 0.0:
         return 0.0
     if secant * next_secant <= 0.0 and abs(slope) > 3.0 * abs(secant):
@@ -279,12 +283,12 @@ def _cubic(
     secant = np.diff(heights) / width
     second = (3.0 * secant - 2.0 * slopes[:-1] - slopes[1:]) / width
     third = (slopes[:-1] + slopes[1:] - 2.0 * secant) / width**2
-    inner = nodes[1:-1]
+    inner_nodes = nodes[1:-1]
 
     def at(query: FloatArray) -> FloatArray:
-        segment = inner.searchsorted(query, side="right")
+        segment = inner_nodes.searchsorted(query, side="right")
         offset = query - nodes[segment]
-        turn = slopes[segment] + offset * (second[segment] + offset * third[segment])
-        return np.asarray(heights[segment] + offset * turn)
+        slope = slopes[segment] + offset * (second[segment] + offset * third[segment])
+        return np.asarray(heights[segment] + offset * slope)
 
     return at

@@ -109,7 +109,7 @@ def _run_without_dynamics(
     history_before = as_history(history, model)
     record = _RecordRun(model, kind, inputs, schedule_values, eddy_rate(model, time, inputs.size))
     runs = list(_split_runs(model, schedule_values, inputs.size))
-    ends = [_run_stretch(record, run, history_before) for run in runs]
+    results = [_run_stretch(record, run, history_before) for run in runs]
     drive, output = (inputs, record.results) if kind == "drive" else (record.results, inputs)
     valid, flags = flag_samples(model, kind, drive, output, schedule_values, record.reachable)
     if not record.reachable.all():
@@ -127,8 +127,8 @@ def _run_without_dynamics(
         notes += describe_too_fast(model.dynamics, drive, as_samples(time, "time", drive.size))
     cycles = [inputs[run] for run in runs] if history_before.kind == "settled" else []
     if any(
-        each.size > 2 and abs(each[-1] - each[0]) > 2.0 * np.abs(np.diff(each)).max()
-        for each in cycles
+        cycle.size > 2 and abs(cycle[-1] - cycle[0]) > 2.0 * np.abs(np.diff(cycle)).max()
+        for cycle in cycles
     ):
         notes.append(
             f"the {kind} does not end where it starts; 'settled' repeats it with a straight return"
@@ -139,8 +139,8 @@ def _run_without_dynamics(
         flux_density=record.flux_density,
         field=record.field,
         valid=valid,
-        state=ends[-1][0],
-        cycles=max(cycles for _, cycles in ends),
+        state=results[-1][0],
+        cycles=max(cycles for _, cycles in results),
         history=history_before,
         reachable=record.reachable,
         flags=flags,
@@ -193,9 +193,11 @@ def _flux_at_rest(model: ModelData, schedule: FloatArray | None, past: History) 
     """Return the flux density, T, at the last reversal before the first sample."""
     if not past.turning_points:
         return 0.0
-    at = None if schedule is None else schedule[:1]
+    first_gap = None if schedule is None else schedule[:1]
     last_drive = as_samples(past.turning_points[-1:], "turning point")
-    return float(_run_without_dynamics(model, "drive", last_drive, at, [0.0], past).flux_density[0])
+    return float(
+        _run_without_dynamics(model, "drive", last_drive, first_gap, [0.0], past).flux_density[0]
+    )
 
 
 def _require_times(time: ArrayLike | None, size: int, reason: str) -> FloatArray:
@@ -231,12 +233,12 @@ def _run_stretch(record: _RecordRun, run: slice, history: History) -> tuple[Floa
     forward = record.kind == "drive"
     step = _step(iron, record.kind)
     # The circuit of a long record is computed in pieces to save memory.
-    for first in range(run.start, run.stop, PIECE_SAMPLES):
-        piece = slice(first, min(first + PIECE_SAMPLES, run.stop))
+    for piece_start in range(run.start, run.stop, PIECE_SAMPLES):
+        piece = slice(piece_start, min(piece_start + PIECE_SAMPLES, run.stop))
         circuit = record.circuit(piece)
         core = record.core_input(piece, circuit)
         result, field, state, status, index = step(core, circuit.rho, circuit.eddy, state)
-        check_status(status, record.kind, first + index, record.inputs)
+        check_status(status, record.kind, piece_start + index, record.inputs)
         record.results[piece] = circuit.output(result) if forward else circuit.drive(result)
         record.flux_density[piece] = result if forward else core
         record.field[piece] = field
@@ -253,12 +255,12 @@ def initial_state(
         return state
     # The exact step does not depend on the sampling, so reversals are enough.
     points = np.array(history.turning_points)
-    at = (
+    gaps = (
         None
         if schedule is None
         else np.array(history.schedule_at_points(schedule), dtype=np.float64)
     )
-    circuit = model.circuit(at, np.zeros(points.shape))
+    circuit = model.circuit(gaps, np.zeros(points.shape))
     drive = circuit.magnetomotive(points)
     conditioned: FloatArray
     _, _, conditioned, status, index = iron.forward(drive, circuit.rho, circuit.eddy, state)

@@ -115,9 +115,9 @@ class RunSummary(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures, without the columns."""
-        plain = asdict(replace(self, columns={}))
-        del plain["columns"]
-        return plain
+        fields_ = asdict(replace(self, columns={}))
+        del fields_["columns"]
+        return fields_
 
     def save(self, path: PathLike) -> Path:
         """Write the columns to a CSV file, completely or not at all."""
@@ -201,9 +201,9 @@ def _compute_runs(
     answers, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
     notes: Counter[str] = Counter()
     for rows, history_before in zip(runs, histories, strict=True):
-        at, clock = (None if c is None else c[rows] for c in (schedule, time))
+        run_schedule, clock = (None if c is None else c[rows] for c in (schedule, time))
         try:
-            result = run_record(model, kind, values[rows], at, clock, history_before)
+            result = run_record(model, kind, values[rows], run_schedule, clock, history_before)
         except SampleError as error:
             raise InputError(
                 f"{table.locate_row(int(rows[error.sample]))}: {quantity.name.replace('_', ' ')} "
@@ -211,8 +211,8 @@ def _compute_runs(
                 code="sample-refused",
             ) from error
         except (InputError, NegativeResult) as error:
-            where = "" if rows.size == values.size else f": rows from {rows[0] + 1}"
-            raise error.with_location(f"{table.path}{where}") from error
+            location = "" if rows.size == values.size else f": rows from {rows[0] + 1}"
+            raise error.with_location(f"{table.path}{location}") from error
         answers[rows] = result.output if forward else result.drive
         reachable[rows] = result.reachable
         notes.update(result.notes)
@@ -252,8 +252,8 @@ def _find_histories(
     loops = []
     try:
         for index, rows in enumerate(runs):
-            at = None if schedule is None else schedule[rows]
-            loops.append(Loop(str(index), values[rows], measured[rows], at, time[rows]))
+            run_schedule = None if schedule is None else schedule[rows]
+            loops.append(Loop(str(index), values[rows], measured[rows], run_schedule, time[rows]))
     except InputError:  # a run that is not a loop
         return [history_before] * len(runs)
     is_gap = model.schedule is not None and model.schedule.name == "gap"
@@ -283,8 +283,8 @@ def _find_runs(table: DataTable, schedule: FloatArray | None, *, settled: bool) 
             return [
                 run for rows in column.rows_by_text() for run in _split_by_schedule(schedule, rows)
             ]
-    everything = np.arange(len(table))
-    return _split_by_schedule(schedule, everything) if settled else [everything]
+    all_rows = np.arange(len(table))
+    return _split_by_schedule(schedule, all_rows) if settled else [all_rows]
 
 
 def _split_by_schedule(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
@@ -308,9 +308,9 @@ def _add_computed_columns(
     if flag in columns:
         flag = "valid_model"
     if name in columns or flag in columns:
-        taken = name if name in columns else flag
-        text = f"{table.path}: already has a column '{taken}'; rename it in the file"
-        raise InputError(text, code="exists-already", key=taken)
+        duplicate = name if name in columns else flag
+        text = f"{table.path}: already has a column '{duplicate}'; rename it in the file"
+        raise InputError(text, code="exists-already", key=duplicate)
     return name, columns | {name: answer, flag: valid}
 
 
@@ -320,8 +320,8 @@ def _deviation(
     measured = _read_measured(table, _column_name(table, quantity))
     if measured is None:
         return None
-    apart = np.abs(predicted - measured)
+    differences = np.abs(predicted - measured)
     largest = full_scale(quantity, (measured[rows] for rows in runs))
-    mean, rms = float(apart.mean()), float(np.sqrt(np.square(apart).mean()))
+    mean, rms = float(differences.mean()), float(np.sqrt(np.square(differences).mean()))
     of = name_full_scale(quantity, largest)
-    return Deviation(mean, rms, float(apart.max()), largest, of)
+    return Deviation(mean, rms, float(differences.max()), largest, of)

@@ -69,11 +69,11 @@ def flag_samples(
         valid &= is_inside
         # If given values are far outside, computed ones are outside as a consequence.
         if not is_inside.all() and not (quantity is computed_quantity and any(far_texts.values())):
-            what = (
+            description = (
                 f"lie outside the valid range of {quantity.name.replace('_', ' ')}, {low:g} to "
                 f"{high:g} {quantity.unit}"
             )
-            text = _describe_samples(is_inside, values, quantity.unit, rows, what)
+            text = _describe_samples(is_inside, values, quantity.unit, rows, description)
             flags.append(": ".join(filter(None, (text, far_texts.get(quantity)))))
     return valid, tuple(flags)
 
@@ -128,12 +128,12 @@ def warn_if_far(
     if model.valid is None:
         return
     limits = model.valid.input if quantity is model.input else model.valid.output
-    at = None if schedule is None else np.atleast_1d(np.asarray(schedule, dtype=np.float64))
-    far = (
-        describe_far_value(model.schedule, at, model.valid.schedule),
+    gaps = None if schedule is None else np.atleast_1d(np.asarray(schedule, dtype=np.float64))
+    texts = (
+        describe_far_value(model.schedule, gaps, model.valid.schedule),
         describe_far_value(quantity, values, limits),
     )
-    text = "; ".join(filter(None, far))
+    text = "; ".join(filter(None, texts))
     if text:
         warnings.warn(text, ImplausibleWarning, stacklevel=4)  # the caller of the model's method
 
@@ -141,12 +141,14 @@ def warn_if_far(
 _UNREACHABLE = "demand an output below that of any drive"
 
 
-def _describe_samples(good: BoolArray, values: FloatArray, unit: str, rows: bool, what: str) -> str:
-    first = int(np.argmin(good))
-    where = f"row {first + 1}" if rows else f"sample {first}"
+def _describe_samples(
+    is_good: BoolArray, values: FloatArray, unit: str, rows: bool, description: str
+) -> str:
+    first_bad = int(np.argmin(is_good))
+    where = f"row {first_bad + 1}" if rows else f"sample {first_bad}"
     return (
-        f"{int((~good).sum())} of {good.size} {'rows' if rows else 'samples'} {what} "
-        f"(first: {where}, {values[first]:g} {unit})"
+        f"{int((~is_good).sum())} of {is_good.size} {'rows' if rows else 'samples'} {description} "
+        f"(first: {where}, {values[first_bad]:g} {unit})"
     )
 
 
@@ -226,7 +228,7 @@ class Prediction(Result):
         """Draw output over drive."""
         drive, answer = self.quantities
         scale, label = length_scale(answer)
-        every = thinning_slice(self.drive.size)
-        ax.plot(self.drive[every], scale * self.output[every], lw=1.1)
+        plotted = thinning_slice(self.drive.size)
+        ax.plot(self.drive[plotted], scale * self.output[plotted], lw=1.1)
         ax.set_xlabel(drive.label)
         ax.set_ylabel(label)

@@ -173,15 +173,15 @@ class _Reader:
         advice = explain_finding(finding)
         if advice.code != "extra-forbidden":
             return advice
-        known = [key for _, key in self._names_in(path[:-1]).values()]
-        close_matches = difflib.get_close_matches(str(path[-1]), known, n=1)
+        known_keys = [key for _, key in self._names_in(path[:-1]).values()]
+        close_matches = difflib.get_close_matches(str(path[-1]), known_keys, n=1)
         if not close_matches:
             return advice
         return Advice(f"is unknown; did you mean {close_matches[0]}?", code="extra-forbidden")
 
     def _names_in(self, table: KeyPath) -> schema.Names:
         """Return the keys with units of a table; elements of an array of tables are equal."""
-        return self.names.get(tuple(part for part in table if isinstance(part, str)), {})
+        return self.names.get(tuple(key for key in table if isinstance(key, str)), {})
 
     def _file_path(self, location: KeyPath) -> KeyPath:
         """Return the path in the file of a location in the validated tables."""
@@ -215,12 +215,12 @@ class _Reader:
         if (uncertainty := content.get("uncertainty")) is not None:
             self._check_lengths(uncertainty)
 
-    def _check_lengths(self, unsure: dict[str, Any]) -> None:
-        count = len(unsure["names"])
-        matrix = unsure.get("correlation", [])
+    def _check_lengths(self, uncertainty_table: dict[str, Any]) -> None:
+        count = len(uncertainty_table["names"])
+        matrix = uncertainty_table.get("correlation", [])
         for key, sizes in (
-            ("values", [len(unsure["values"])]),
-            ("std", [len(unsure["std"])]),
+            ("values", [len(uncertainty_table["values"])]),
+            ("std", [len(uncertainty_table["std"])]),
             ("correlation", [len(matrix), *map(len, matrix)] if matrix else [count]),
         ):
             if set(sizes) != {count}:
@@ -236,13 +236,13 @@ class _Reader:
         schedule: Quantity | None,
         cells: CellWeights | None,
     ) -> Record:
-        dynamics, layers, given = None, None, table.dynamics
+        dynamics, layers, dynamics_table = None, None, table.dynamics
         with self._collecting("history"):
             history = History.parse(table.history)
-        if given is not None:
-            times, shares = tuple(given.creep_times), tuple(given.creep_shares)
+        if dynamics_table is not None:
+            times, shares = tuple(dynamics_table.creep_times), tuple(dynamics_table.creep_shares)
             with self._collecting("dynamics"):
-                dynamics = Dynamics(given.lag, times, shares, given.fastest)
+                dynamics = Dynamics(dynamics_table.lag, times, shares, dynamics_table.fastest)
         if table.layers is not None:
             with self._collecting("layers"):
                 layers = Layers(**dict(table.layers))

@@ -114,15 +114,21 @@ def analyse_residual(records: Sequence[Residual], span: float) -> ResidualAnalys
     if outlier is not None:
         limit = MAX_WORST_IN_RMS * rms * span
         without_outliers = [
-            replace(each, deviation=np.where(np.abs(each.deviation) < limit, each.deviation, 0.0))
-            for each in records
+            replace(
+                record_,
+                deviation=np.where(np.abs(record_.deviation) < limit, record_.deviation, 0.0),
+            )
+            for record_ in records
         ]
         return replace(analyse_residual(without_outliers, span), rms=rms, outlier=outlier)
     # A white residual may still be too large: a resonance with a random input leaves white
     # residuals.
     noise_rms = float(
         np.mean(
-            [min(estimate_noise(each.measured), estimate_noise(each.deviation)) for each in records]
+            [
+                min(estimate_noise(record_.measured), estimate_noise(record_.deviation))
+                for record_ in records
+            ]
         )
     )
     max_noise = noise_rms * (
@@ -143,7 +149,7 @@ def _find_outlier(records: Sequence[Residual], rms: float, span: float) -> Outli
     """Return the largest deviation; None if noise of this rms may reach it."""
     worst_samples = [int(np.argmax(np.abs(record.deviation))) for record in records]
     sizes = [
-        abs(float(each.deviation[at])) for each, at in zip(records, worst_samples, strict=True)
+        abs(float(each.deviation[row])) for each, row in zip(records, worst_samples, strict=True)
     ]
     index = int(np.argmax(sizes))
     size, drive, sample = sizes[index] / span, records[index].drive, worst_samples[index]
@@ -160,8 +166,8 @@ def _quantisation_step(values: FloatArray) -> float:
     steps = steps[steps > 1e-9 * float(np.ptp(values))]
     if not steps.size:
         return 0.0
-    for parts in range(1, _MAX_STEPS_PER_DIFFERENCE + 1):
-        step = float(steps.min()) / parts
+    for divisor in range(1, _MAX_STEPS_PER_DIFFERENCE + 1):
+        step = float(steps.min()) / divisor
         if float(np.mean(np.abs(steps / step - np.rint(steps / step)) < 0.05)) > 0.95:
             return step
     return 0.0
@@ -195,10 +201,10 @@ class _ShapeVariant:
     columns: FloatArray
     expected_squares: float
 
-    def excess_squares(self, rest: FloatArray) -> float:
+    def excess_squares(self, remaining: FloatArray) -> float:
         """Return the sum of squares that the columns explain beyond the noise."""
-        along = self.columns.T @ rest
-        return float(along @ along) - self.expected_squares
+        projections = self.columns.T @ remaining
+        return float(projections @ projections) - self.expected_squares
 
 
 def _attribute_to_shapes(
@@ -330,8 +336,8 @@ def describe_residual(residual: ResidualAnalysis, loopset: Loops, model: Model) 
 def _residual_text(residual: ResidualAnalysis, loopset: Loops, model: Model) -> str:
     full_scale = name_full_scale(loopset.output)
     if residual.beyond_noise == 0.0:
-        done = ": the fit is complete" if residual.is_noise else ""
-        return f"the residual ({100.0 * residual.noise:.2g} % of {full_scale} rms) is noise, or negligible{done}"
+        end_text = ": the fit is complete" if residual.is_noise else ""
+        return f"the residual ({100.0 * residual.noise:.2g} % of {full_scale} rms) is noise, or negligible{end_text}"
     text = (
         f"a residual of {100.0 * residual.beyond_noise:.2g} % of {full_scale} rms is not noise "
         f"(noise: {100.0 * residual.noise:.2g} %): "

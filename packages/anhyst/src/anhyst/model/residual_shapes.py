@@ -48,7 +48,7 @@ class Residual:
     def every_nth(self, step: int) -> Residual:
         """Return every n-th sample; `step` is n."""
         drive, measured, deviation = (
-            each[::step] for each in (self.drive, self.measured, self.deviation)
+            values[::step] for values in (self.drive, self.measured, self.deviation)
         )
         return Residual(drive, measured, deviation, self.gap, self.is_cycle)
 
@@ -65,14 +65,14 @@ def _branch_positions(record: Residual) -> FloatArray:
     direction, position, half_span = np.ones(drive.size), np.zeros(drive.size), np.ones(drive.size)
     for branch in branch_list:
         piece = drive[branch.rows]
-        half = max(0.5 * float(np.ptp(piece)), 1e-300)
+        half_range = max(0.5 * float(np.ptp(piece)), 1e-300)
         direction[branch.rows] = 1.0 if branch.is_rising else -1.0
-        position[branch.rows] = (piece - float(piece.min())) / half - 1.0
-        half_span[branch.rows] = half
+        position[branch.rows] = (piece - float(piece.min())) / half_range - 1.0
+        half_span[branch.rows] = half_range
     first_branch_rest = np.zeros(drive.size)
     if not record.is_cycle or len(branch_list) > 2:
-        first = branch_list[0].rows
-        first_branch_rest[first] = 0.5 * (1.0 - direction[first] * position[first])
+        first_rows = branch_list[0].rows
+        first_branch_rest[first_rows] = 0.5 * (1.0 - direction[first_rows] * position[first_rows])
     return np.stack([direction, position, half_span, first_branch_rest])
 
 
@@ -129,13 +129,13 @@ def _columns_by_gap(records: Sequence[Residual], gap: FloatArray, x: FloatArray)
 
 
 def _columns_by_branch_size(
-    half_span: FloatArray, along: FloatArray, rising: FloatArray
+    half_span: FloatArray, position: FloatArray, rising: FloatArray
 ) -> FloatArray:
     """Return level, curvature and width, in proportion to the size of a branch."""
     size = half_span / float(half_span.max())
-    shared = legvander(along, _LEVEL_DEGREE)
-    both = np.hstack([shared, rising[:, None] * shared])
-    return np.hstack([size[:, None] * both, size[:, None] ** 2 * both])
+    shared = legvander(position, _LEVEL_DEGREE)
+    both_directions = np.hstack([shared, rising[:, None] * shared])
+    return np.hstack([size[:, None] * both_directions, size[:, None] ** 2 * both_directions])
 
 
 def orthonormal_basis(columns: FloatArray) -> FloatArray:
@@ -153,9 +153,9 @@ def remove_explained(columns: FloatArray, others: FloatArray) -> FloatArray:
     """Subtract the part of columns that others explain; columns without a remainder are dropped."""
     span = orthonormal_basis(others)
     remaining = columns - span @ (span.T @ columns)
-    before = np.einsum("nk,nk->k", columns, columns)
-    after = np.einsum("nk,nk->k", remaining, remaining)
-    result: FloatArray = remaining[:, after > 1e-4 * before]
+    squares_before = np.einsum("nk,nk->k", columns, columns)
+    squares_after = np.einsum("nk,nk->k", remaining, remaining)
+    result: FloatArray = remaining[:, squares_after > 1e-4 * squares_before]
     return result
 
 
@@ -179,10 +179,10 @@ class ColouredNoise:
     correlation: float
     degrees_of_freedom: float
 
-    def expected_squares(self, way: FloatArray) -> float:
+    def expected_squares(self, columns: FloatArray) -> float:
         """Return the sum of squares of the noise that orthonormal columns explain by chance."""
-        smooth = _apply_correlation(way, self.correlation, self.sizes)
-        return self.variance * float(np.einsum("nk,nk->", way, smooth))
+        smooth = _apply_correlation(columns, self.correlation, self.sizes)
+        return self.variance * float(np.einsum("nk,nk->", columns, smooth))
 
     def can_explain(self, squares: float, chance: float, columns: int) -> bool:
         """Whether the noise may produce a sum of squares in a number of columns."""
@@ -202,7 +202,7 @@ def estimate_coloured_noise(
     seen_correlation = float(remaining @ _mean_of_neighbours(remaining, lengths)) / power
     shifted = _mean_of_neighbours(shapes, lengths)
     # einsum uses one thread; a threaded product would wait for other threads.
-    within = np.einsum("nk,nl->kl", shapes, shifted)
+    shape_products = np.einsum("nk,nl->kl", shapes, shifted)
 
     def expected_sums(correlation: float) -> tuple[float, float]:
         """Return the expected sums of squares and of products with the sample before."""
@@ -211,11 +211,11 @@ def estimate_coloured_noise(
         product_sum = (
             correlation * (deviation.size - len(lengths))
             - 2.0 * float(np.einsum("nk,nk->", shifted, smooth))
-            + float(np.einsum("kl,kl->", within, projected))
+            + float(np.einsum("kl,kl->", shape_products, projected))
         )
         return deviation.size - float(np.trace(projected)), product_sum
 
-    expected = [expected_sums(at) for at in _CORRELATION_GRID]
+    expected = [expected_sums(correlation_) for correlation_ in _CORRELATION_GRID]
     ratio = np.maximum.accumulate(
         [product_sum / expected_power for expected_power, product_sum in expected]
     )
@@ -243,8 +243,10 @@ def _apply_correlation(
         return columns
     return np.concatenate(
         [
-            recursive_sum(part, correlation) + recursive_sum(part[::-1], correlation)[::-1] - part
-            for part in np.split(columns, np.cumsum(sizes)[:-1])
+            recursive_sum(record_columns, correlation)
+            + recursive_sum(record_columns[::-1], correlation)[::-1]
+            - record_columns
+            for record_columns in np.split(columns, np.cumsum(sizes)[:-1])
         ]
     )
 
@@ -252,9 +254,9 @@ def _apply_correlation(
 def _mean_of_neighbours(columns: FloatArray, sizes: tuple[int, ...]) -> FloatArray:
     """Return the mean of the samples before and after each, with zeros beyond the ends of a record."""
     pairs = []
-    for part in np.split(columns, np.cumsum(sizes)[:-1]):
-        mean = np.zeros_like(part)
-        mean[1:] += 0.5 * part[:-1]
-        mean[:-1] += 0.5 * part[1:]
+    for record_columns in np.split(columns, np.cumsum(sizes)[:-1]):
+        mean = np.zeros_like(record_columns)
+        mean[1:] += 0.5 * record_columns[:-1]
+        mean[:-1] += 0.5 * record_columns[1:]
         pairs.append(mean)
     return np.concatenate(pairs)

@@ -178,11 +178,13 @@ def fit_figures(
     """Compute the deviations between measured and modelled loops."""
     rows, deviations = [], []
     for loop, output in zip(loopset.loops, fitted, strict=True):
-        off = np.abs(output - loop.output)
-        deviations.append(off)
+        deviation = np.abs(output - loop.output)
+        deviations.append(deviation)
         full = full_scale(loopset.output, (loop.output,))
-        mean, worst = float(off.mean()), float(off.max())
-        rows.append(LoopFit(loop.label, loop.schedule_value, loop.n, full, mean, rms(off), worst))
+        mean, worst = float(deviation.mean()), float(deviation.max())
+        rows.append(
+            LoopFit(loop.label, loop.schedule_value, loop.n, full, mean, rms(deviation), worst)
+        )
     pooled = np.concatenate(deviations)
     largest, pooled_rms = largest_output(loopset), rms(pooled)
     return FitFigures(
@@ -252,9 +254,9 @@ def _law(name: str) -> str:
     if why := LAWS.explain_unusable(name):
         raise PydanticCustomError("unknown_choice", why.replace("{", "(").replace("}", ")"))
     if name not in LAWS:
-        known = [repr(law) for law in LAWS]
+        law_names = [repr(law) for law in LAWS]
         raise PydanticCustomError(
-            "unknown_choice", f"Input should be {', '.join(known[:-1])} or {known[-1]}"
+            "unknown_choice", f"Input should be {', '.join(law_names[:-1])} or {law_names[-1]}"
         )
     return name
 
@@ -354,7 +356,7 @@ def column(name: str, unit: str) -> str:
 def parameter_names(law: Law | None, drive: Quantity, answer: Quantity) -> Names:
     """Return the keys of ``[parameters]`` for a law (if known), an input and an output."""
     power = output_map(answer).power
-    turns = {"A": "c_H_per_m", "A/m": "c_H"}.get(drive.unit, f"c_H_A_per_m_{drive.unit}")
+    c_h_key = {"A": "c_H_per_m", "A/m": "c_H"}.get(drive.unit, f"c_H_A_per_m_{drive.unit}")
     ratio = column(f"c_{answer.symbol}", answer.unit) + f"_per_T{power if power > 1 else ''}"
     return {
         **{
@@ -362,7 +364,7 @@ def parameter_names(law: Law | None, drive: Quantity, answer: Quantity) -> Names
             for spec in (law.parameters if law else ())
         },
         "rho": ("rho", "rho"),
-        "c_H": ("c_H", turns),
+        "c_H": ("c_H", c_h_key),
         "gamma": ("gamma", "gamma_A_s_per_m_T"),
         "c_out": (f"c_{answer.symbol}", "c_B" if answer.unit == "T" else ratio),
         "in_0": (f"{drive.symbol}_0", column(f"{drive.symbol}_0", drive.unit)),
@@ -380,7 +382,7 @@ def section_names(
     if schedule is not None:
         ranges["schedule"] = (schedule.symbol, schedule.column)
         nodes["nodes"] = ("nodes", column("nodes", schedule.unit))
-    at = {"schedule": ranges["schedule"]} if schedule is not None else {}
+    schedule_name = {"schedule": ranges["schedule"]} if schedule is not None else {}
     return {
         ("schedule",): nodes,
         ("parameters",): parameter_names(law, drive, answer),
@@ -395,15 +397,17 @@ def section_names(
         },
         ("valid",): ranges,
         ("fit",): deviations,
-        ("fit", "loop"): deviations | at,
+        ("fit", "loop"): deviations | schedule_name,
     }
 
 
 def find_field(key: str, names: Names) -> str | None:
     """Return the field that a key with a missing or another unit means, if any."""
-    for name, (bare, full) in names.items():
+    for name, (name_without_unit, full) in names.items():
         if key == full:
             continue
-        if key in {name, bare} or (bare != full and key.startswith(f"{bare}_")):
+        if key in {name, name_without_unit} or (
+            name_without_unit != full and key.startswith(f"{name_without_unit}_")
+        ):
             return name
     return None

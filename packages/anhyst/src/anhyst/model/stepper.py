@@ -90,13 +90,13 @@ class Stepper:
         """Return the present contribution of creep to the flux density, T, and the slow parts."""
         if self._dynamics is None:
             return 0.0, self._slow_parts
-        slow = self._slow_parts
+        slow_parts = self._slow_parts
         if self._output is not None:
             if dt is None:
                 text = "the model has creep ([dynamics]); give the time step dt"
                 raise wrong_key("dt", text, code="time-missing")
-            slow = self._dynamics.advance(self._flux, slow, dt)
-        return float(np.array(self._dynamics.shares) @ slow), slow
+            slow_parts = self._dynamics.advance(self._flux, slow_parts, dt)
+        return float(np.array(self._dynamics.shares) @ slow_parts), slow_parts
 
     @property
     def state(self) -> FloatArray:
@@ -118,14 +118,14 @@ class Stepper:
     ) -> Candidate:
         """Return the drive for a demanded output; the state does not change."""
         demands = as_samples([demand], "demand")
-        at = self._at(schedule)
-        circuit = self._circuit(at, dt)
+        gap = self._at(schedule)
+        circuit = self._circuit(gap, dt)
         flux, reachable = circuit.flux_density(demands)
         flux = flux - self._creep(dt)[0]
         drive, _, _, status, _ = self._iron.inverse(flux, circuit.rho, circuit.eddy, self._state)
         check_status(status, "demand", 0, demands)
         applied = circuit.drive(drive)
-        valid, _ = flag_samples(self.model, "demand", applied, demands, np.array([at]), reachable)
+        valid, _ = flag_samples(self.model, "demand", applied, demands, np.array([gap]), reachable)
         return Candidate(
             drive=float(applied[0]),
             output=float(demand if reachable[0] else circuit.output(flux)[0]),
@@ -138,13 +138,13 @@ class Stepper:
     ) -> float:
         """Advance the state with the applied drive; return the output."""
         drive = as_samples([applied], "applied drive")
-        at = self._at(schedule)
-        circuit = self._circuit(at, dt)
+        gap = self._at(schedule)
+        circuit = self._circuit(gap, dt)
         core = circuit.magnetomotive(drive)
         flux, _, state, status, _ = self._iron.forward(core, circuit.rho, circuit.eddy, self._state)
         check_status(status, "applied drive", 0, drive)
         added, self._slow_parts = self._creep(dt)
-        self._state, self._schedule, self._flux = state, at, float(flux[0])
+        self._state, self._schedule, self._flux = state, gap, float(flux[0])
         self._output = float(circuit.output(flux + added)[0])
         return self._output
 
@@ -185,13 +185,17 @@ class Stepper:
     def _circuit(self, at: float, dt: float | None) -> Circuit:
         if dt is not None and not dt > 0.0:
             raise wrong_key("dt", f"is {dt:g} s; give a time above 0", code="not-above-zero")
-        begun = self._output is not None  # the first commit has no time step
-        if self._circuit_cache is not None and self._circuit_cache[:3] == (at, dt, begun):
+        is_started = self._output is not None  # the first commit has no time step
+        if self._circuit_cache is not None and self._circuit_cache[:3] == (at, dt, is_started):
             return self._circuit_cache[3]  # at a constant gap, the cache is used in every step
-        if dt is None and begun and np.any(self.model.interpolate_parameter("gamma", [at]) > 0.0):
+        if (
+            dt is None
+            and is_started
+            and np.any(self.model.interpolate_parameter("gamma", [at]) > 0.0)
+        ):
             text = "the model has eddy currents (gamma); give the time step dt"
             raise wrong_key("dt", text, code="time-missing")
         rate = 0.0 if dt is None else 1.0 / dt
         circuit = self.model.circuit(np.array([at]), np.array([rate]))
-        self._circuit_cache = at, dt, begun, circuit
+        self._circuit_cache = at, dt, is_started, circuit
         return circuit

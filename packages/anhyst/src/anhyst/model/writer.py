@@ -201,7 +201,7 @@ def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingPr
             continue
         if field.name == "schedule" and field.name not in names:
             continue
-        written = toml_value(_plain(value, whole=hints[field.name] is schema.Whole))
+        written = toml_value(_plain(value, is_whole=hints[field.name] is schema.Whole))
         share = (
             field.name in schema.output_fields(type(record))
             and field.name != "largest_output"
@@ -218,7 +218,7 @@ def _holds_tables(value: object) -> bool:
     )
 
 
-def _plain(value: Any, *, whole: bool = False) -> Any:
+def _plain(value: Any, *, is_whole: bool = False) -> Any:
     """Return a value as a Python type; all numbers are floats unless `whole` is set."""
     match value:
         case str() | bool():
@@ -229,7 +229,7 @@ def _plain(value: Any, *, whole: bool = False) -> Any:
             return {key: _plain(item) for key, item in value.items()}
         case tuple():
             return [_plain(item) for item in value]
-    return int(value) if whole else float(value)
+    return int(value) if is_whole else float(value)
 
 
 def _fit(fit: schema.FitFigures, names: Mapping[tuple[str, ...], schema.Names]) -> str:
@@ -243,13 +243,13 @@ def _fit(fit: schema.FitFigures, names: Mapping[tuple[str, ...], schema.Names]) 
     return text
 
 
-def _uncertainty(unsure: schema.Uncertainty) -> str:
-    plain = replace(unsure, correlation=(), statements=())
-    text = f"{UNCERTAINTY}[uncertainty]\n{_record(plain)}"
-    if unsure.correlation:
-        text += f"correlation = {_rows(_plain(unsure.correlation))}\n"
-    if unsure.statements:
-        text += f"statements = {_rows(unsure.statements)}\n"
+def _uncertainty(uncertainty: schema.Uncertainty) -> str:
+    without_matrices = replace(uncertainty, correlation=(), statements=())
+    text = f"{UNCERTAINTY}[uncertainty]\n{_record(without_matrices)}"
+    if uncertainty.correlation:
+        text += f"correlation = {_rows(_plain(uncertainty.correlation))}\n"
+    if uncertainty.statements:
+        text += f"statements = {_rows(uncertainty.statements)}\n"
     return text
 
 
