@@ -241,7 +241,7 @@ def test_a_reading_beyond_all_numbers_is_refused() -> None:
     run = bearings.run(setup(), bearings.lifted(setup()).hold(0.001).build())
     for name, value in (("gap_read_m", 1e300), ("load_N", -1e300), ("state", np.nan)):
         wrong = np.where(np.arange(len(run)) == len(run) // 2, value, run[name])
-        with pytest.raises(InputError, match=f"{name} holds what is no number"):
+        with pytest.raises(InputError, match=f"{name} contains invalid values"):
             calibrate_run(Recording({**run.columns, name: wrong}))
 
 
