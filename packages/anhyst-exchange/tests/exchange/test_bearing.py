@@ -36,7 +36,7 @@ from tests.refusals import refused, says
 from tests.repository import ROOT
 from tests.study import bearings, stages
 from tests.study.test_axes import three_magnets
-from tests.study.test_solid_stage import late
+from tests.study.test_solid_stage import solid_magnet
 from tests.truths import truth
 
 pytestmark = [needs_binary, pytest.mark.slow]
@@ -111,7 +111,7 @@ def test_so_does_solid_iron_and_what_follows_its_layers(tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     solid = "turns = 250\nsolid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 0.05 }"
     rig.write_text(rig.read_text().replace("turns = 250", solid))
-    late().model.save(tmp_path / "model.toml")
+    solid_magnet().model.save(tmp_path / "model.toml")
     export_fmu(rig, tmp_path / "2.fmu", platforms=[HERE])
     flight = flown(tmp_path)
     flies_alike(flight, tmp_path)
@@ -248,7 +248,7 @@ def solid_stage_made(folder: Path) -> None:
     text = text.replace(solid, solid + table).replace(cells, DUHEM)
     (folder / "rig.toml").write_text(text)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(stage_part, "identify_stage_magnet", lambda _: late())
+        patched.setattr(stage_part, "identify_stage_magnet", lambda _: solid_magnet())
         export_fmu(folder / "rig.toml", folder / "2.fmu", platforms=[HERE])
 
 
@@ -286,7 +286,7 @@ def test_a_stage_moves_as_the_simulation_does_bit_for_bit(scan: Scan, tmp_path: 
 
 def test_so_does_a_calibrated_stage_on_solid_iron_of_another_family(tmp_path: Path) -> None:
     solid_stage_made(tmp_path)
-    moves_alike(scanned(tmp_path, tmp_path / "rig.toml", late()), tmp_path)
+    moves_alike(scanned(tmp_path, tmp_path / "rig.toml", solid_magnet()), tmp_path)
 
 
 def moves_alike(scan: Scan, tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from tests.repository import ROOT
 
 EXAMPLES = ROOT / "examples"
 TURNS = (0.0, 100.0, 0.0, 100.0, 20.0, 80.0, 30.0, 60.0, -10.0, 100.0, 0.0)
-KNOWN = {"stroke": 0.3e-6, "bend": -0.4e-9, "slope": 0.1e-6, "beta": 0.02, "gamma": 0.006}
+KNOWN_STACK = {"stroke": 0.3e-6, "bend": -0.4e-9, "slope": 0.1e-6, "beta": 0.02, "gamma": 0.006}
 
 
 def path(each: int, turns: tuple[float, ...] = TURNS) -> FloatArray:
@@ -38,8 +38,17 @@ def plant(drive: FloatArray, step: float = 1e-3, shares: tuple[float, ...] = ())
     """Displacement of the virtual stack on a stage without lag, m, by the plant's C code."""
     times = np.array([0.3, 3.0][: len(shares)])
     numbers = {
-        **{"stroke_per_volt": KNOWN["stroke"], "bend": KNOWN["bend"], "slope": KNOWN["slope"]},
-        **{"beta": KNOWN["beta"], "gamma": KNOWN["gamma"], "omega": 1.0 / step, "damping": 0.5},
+        **{
+            "stroke_per_volt": KNOWN_STACK["stroke"],
+            "bend": KNOWN_STACK["bend"],
+            "slope": KNOWN_STACK["slope"],
+        },
+        **{
+            "beta": KNOWN_STACK["beta"],
+            "gamma": KNOWN_STACK["gamma"],
+            "omega": 1.0 / step,
+            "damping": 0.5,
+        },
         **{"kept": 0.0, "step": step, "steps": 1},
     }
     motion = PiezoMotion(numbers, times, np.array(shares))
@@ -54,11 +63,11 @@ def loops(drive: FloatArray, answer: FloatArray, time: FloatArray | None = None)
 
 def check_known(stack: FittedStack, rel: float) -> None:
     numbers = stack.numbers
-    assert numbers["stroke_m_per_V"] == pytest.approx(KNOWN["stroke"], rel=rel)
-    assert numbers["bend_m_per_V2"] == pytest.approx(KNOWN["bend"], rel=2 * rel)
-    assert numbers["slope_m_per_V"] == pytest.approx(KNOWN["slope"], rel=rel)
-    assert numbers["beta_per_V"] == pytest.approx(KNOWN["beta"], rel=2 * rel)
-    assert numbers["gamma_per_V"] == pytest.approx(KNOWN["gamma"], rel=8 * rel)
+    assert numbers["stroke_m_per_V"] == pytest.approx(KNOWN_STACK["stroke"], rel=rel)
+    assert numbers["bend_m_per_V2"] == pytest.approx(KNOWN_STACK["bend"], rel=2 * rel)
+    assert numbers["slope_m_per_V"] == pytest.approx(KNOWN_STACK["slope"], rel=rel)
+    assert numbers["beta_per_V"] == pytest.approx(KNOWN_STACK["beta"], rel=2 * rel)
+    assert numbers["gamma_per_V"] == pytest.approx(KNOWN_STACK["gamma"], rel=8 * rel)
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0, 2.5])

@@ -90,24 +90,24 @@ def few_loops_of(model: Model, seed: int) -> Loops:
 
 def quantities_of(model: Model) -> FloatArray:
     """Return what a fit of `magnet` finds without noise: k/a, c, w*M_s/a, a/c_H, saturation."""
-    told = model.parameters
-    rho, a = np.array(told["rho"]), np.array(told["a"])
-    gain = told["c_out"] * (MU_0 * np.array(told["M_s"])) ** 2
+    parameters = model.parameters
+    rho, a = np.array(parameters["rho"]), np.array(parameters["a"])
+    gain = parameters["c_out"] * (MU_0 * np.array(parameters["M_s"])) ** 2
     return np.array(
         [
-            told["k"] / a,
-            told["c"],
+            parameters["k"] / a,
+            parameters["c"],
             *(rho / (1.0 + rho) / _GAUGE),
-            (1.0 + rho[0]) * a / told["c_H"],
+            (1.0 + rho[0]) * a / parameters["c_H"],
             gain,
         ]
     )
 
 
-def of_quantities(values: FloatArray) -> Model:
+def model_of_quantities(values: FloatArray) -> Model:
     """Return the magnet of such quantities."""
-    kappa, c, near, far, scale, gain = values.tolist()
-    rho = tuple(_GAUGE * gap / (1.0 - _GAUGE * gap) for gap in (near, far))
+    kappa, c, low_gap, high_gap, scale, gain = values.tolist()
+    rho = tuple(_GAUGE * gap / (1.0 - _GAUGE * gap) for gap in (low_gap, high_gap))
     around = {"c_H": (1.0 + rho[0]) * 1000.0 / scale, "c_out": gain / (MU_0 * 1e6) ** 2}
     made = magnet(1.0, 1.0)
     return replace(
@@ -119,9 +119,9 @@ def of_quantities(values: FloatArray) -> Model:
 def write_fleet(folder: Path, count: int, seed: int = 7) -> list[tuple[float, float]]:
     """Write a fleet; return pinning and output of its magnets."""
     rng = np.random.default_rng(seed)
-    drawn = []
+    rows = []
     for place in range(count):
         pinning, output = 1.0 + SCATTER * rng.standard_normal(2)
         loops_of(magnet(pinning, output), place).save(folder / f"m{place:02d}.csv")
-        drawn.append((float(pinning), float(output)))
-    return drawn
+        rows.append((float(pinning), float(output)))
+    return rows

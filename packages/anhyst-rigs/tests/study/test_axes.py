@@ -62,14 +62,15 @@ def followed(method: MethodName, substeps: int = 4) -> Recording:
 def test_compensating_every_magnet_keeps_all_axes_closer() -> None:
     scan = planar().settings.scan
     motion = scan_motion(scan, scan.test_m_per_s2)
-    plain, own = followed("single-valued"), followed("full")
-    assert not plain.loss_text
-    assert not own.loss_text
+    single_valued, full = followed("single-valued"), followed("full")
+    assert not single_valued.loss_text
+    assert not full.loss_text
     assert (
-        measure(own, motion, scan.slit_s).peak_m < 0.4 * measure(plain, motion, scan.slit_s).peak_m
+        measure(full, motion, scan.slit_s).peak_m
+        < 0.4 * measure(single_valued, motion, scan.slit_s).peak_m
     )
     crossed, less = (
-        cross_talk(run, motion, stationary_axes(planar().settings)) for run in (plain, own)
+        cross_talk(run, motion, stationary_axes(planar().settings)) for run in (single_valued, full)
     )
     assert set(crossed) == {"y_m", "z_m", "rx_rad", "ry_rad", "rz_rad"}
     for axis in ("z_m", "ry_rad"):
@@ -79,8 +80,8 @@ def test_compensating_every_magnet_keeps_all_axes_closer() -> None:
 def test_twice_the_sub_steps_change_little_once_the_body_is_lifted() -> None:
     coarse, fine = followed("full"), followed("full", substeps=8)
     lifted = round(0.05 / coarse.dt)
-    for name, most in (("error_m", 3e-9), ("error_z_m", 1.5e-9), ("error_ry_rad", 50e-9)):
-        assert np.abs(coarse[name] - fine[name])[lifted:].max() < most
+    for name, limit in (("error_m", 3e-9), ("error_z_m", 1.5e-9), ("error_ry_rad", 50e-9)):
+        assert np.abs(coarse[name] - fine[name])[lifted:].max() < limit
 
 
 def test_single_precision_leads_the_body_the_same_way_within_a_nanometre() -> None:
@@ -127,20 +128,20 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
     flown = SimulatedLoop(setup).run(scenario)
     pose = np.column_stack([flown[name] for name in axis_columns("pose", file.body.free)])
     pose += reference[:n]
-    turned = Rotation.from_rotvec(pose[:, 3:])
+    rotation = Rotation.from_rotvec(pose[:, 3:])
     assert np.ptp(pose[:, 0]) > 0.02
     assert np.abs(pose[:, 4]).max() > 3e-6
     for number, head in enumerate(file.position_sensors, len(file.body_magnets) + 1):
         # along the beam to a mirror that rotates with the body
         assert head.position_m is not None
-        normal = turned.apply(head.direction)
+        normal = rotation.apply(head.direction)
         way = np.sum(
-            (pose[:, :3] + turned.apply(head.position_m) - head.position_m) * normal, axis=1
+            (pose[:, :3] + rotation.apply(head.position_m) - head.position_m) * normal, axis=1
         )
         read = flown[column_name("gap_read", "m", number)]
         assert read == pytest.approx(way / (normal @ head.direction), abs=2e-11)
-    seen = recording_columns(rig, flown, scenario)
-    read = np.column_stack([seen[name] for name in pose_columns(file.body.free)])
+    columns = recording_columns(rig, flown, scenario)
+    read = np.column_stack([columns[name] for name in pose_columns(file.body.free)])
     assert read == pytest.approx(pose, abs=1e-10)
     # z is held as if they rode along; a controller that does not know takes a turn for height
     riding, knows = (
@@ -151,9 +152,11 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(loop, "controller_matrices", lambda _: unaware)
         takes = track(setup, motion, Feedforward())
-    apart, same = (np.abs(run["error_z_m"] - knows["error_z_m"]).max() for run in (takes, riding))
+    unmodelled_change, riding_change = (
+        np.abs(run["error_z_m"] - knows["error_z_m"]).max() for run in (takes, riding)
+    )
     turn = np.abs(knows["error_ry_rad"] * knows["reference_m"]).max()
-    assert apart > 0.5 * turn > 10.0 * same
+    assert unmodelled_change > 0.5 * turn > 10.0 * riding_change
 
 
 def test_air_that_changed_lengthens_a_beam_with_its_dead_path() -> None:
@@ -161,10 +164,12 @@ def test_air_that_changed_lengthens_a_beam_with_its_dead_path() -> None:
     motion = scan_motion(rig.settings.scan, rig.settings.scan.test_m_per_s2[:1])
     setup = make_stage(rig, bearings.knowledge(), "full")
     run = track(setup, motion, Feedforward())
-    late = slice(len(run) // 2, None)
-    off = 1e-7 * (0.3 + run["reference_m"][late])
-    assert run["pose_read_x_m"][late] - run["position_m"][late] == pytest.approx(off, abs=1e-12)
-    assert np.mean(run["error_m"][late]) == pytest.approx(np.mean(off), rel=0.1)
+    second_half = slice(len(run) // 2, None)
+    expected = 1e-7 * (0.3 + run["reference_m"][second_half])
+    assert run["pose_read_x_m"][second_half] - run["position_m"][second_half] == pytest.approx(
+        expected, abs=1e-12
+    )
+    assert np.mean(run["error_m"][second_half]) == pytest.approx(np.mean(expected), rel=0.1)
 
 
 Y1 = 'like = "x1"\nposition_m = [0.0, 0.15, 0.0]\ndirection = '

@@ -19,7 +19,7 @@ from anhyst_rigs.rig.drift import drifted_plant
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.study.bearing.board_faults import FaultAction, FaultInjection, fault_injections
 from tests.study import bearings
-from tests.study.test_bearing_calibration import WRONG, setup, taught
+from tests.study.test_bearing_calibration import WRONG_DRIFT, calibrate_run, setup
 
 HEIGHTS = (-25e-6, 25e-6, -50e-6, 50e-6, 0.0)
 COLUMNS = {
@@ -66,7 +66,7 @@ class Flight:
 
 def recorded(firmware: Path, act: FaultAction) -> tuple[Recording, int]:
     """Fly steps, then with something that is done, then steps again; until when all was well."""
-    plant = drifted_plant(setup().rig, WRONG, 1)
+    plant = drifted_plant(setup().rig, WRONG_DRIFT, 1)
     with closing(BearingBench(setup(), firmware, board="library", bearing=plant)) as running:
         flight, supply = Flight(running), plant.supply
         flight.fly(120)
@@ -84,7 +84,7 @@ def recorded(firmware: Path, act: FaultAction) -> tuple[Recording, int]:
 
 def learnt(run: Recording) -> dict[str, tuple[float, float]]:
     """Parameters and their standard deviations; empty if the method is rejected."""
-    (method,) = taught(run).file.method
+    (method,) = calibrate_run(run).file.method
     return {
         parameter.name: (parameter.value, parameter.sigma)
         for parameter in method.parameter
@@ -114,7 +114,7 @@ def test_a_fault_of_the_flight_list_moves_nothing_that_was_learnt(
     run, _ = recorded(firmware, fault.action)
     if fault.expected_fault is Fault.MISSED_TICK:
         with pytest.raises(InputError, match="record every tick once"):
-            taught(run)
+            calibrate_run(run)
         return
     flies_on = bool(run["state"][-1] == State.RUN)
     assert flies_on == (fault.expected_fault is Fault.NONE)

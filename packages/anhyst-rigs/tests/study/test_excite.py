@@ -22,9 +22,9 @@ from anhyst_rigs.study.excite.excite import Excitation, excite, measure_gaps, re
 from tests.plant.test_energy import STAGE
 from tests.refusals import refused
 from tests.repository import ROOT
-from tests.study.measured_rigs import INNER, WIDE, measured_rig
+from tests.study.measured_rigs import MINOR_REVERSALS, WIDE_REVERSALS, measured_rig
 
-TIGHT = """
+TIGHT_LIMITS = """
 [excite]
 current_max_A = 3.5
 rate_max_A_per_s = 3.0
@@ -63,8 +63,8 @@ class Watched:
         return self.rig.sensors(seed, sample)
 
 
-def bearing(folder: Path, more: str = "") -> Specimen:
-    return read_specimen(measured_rig("bearing", folder, more=more).path).specimen
+def bearing(folder: Path, extra_lines: str = "") -> Specimen:
+    return read_specimen(measured_rig("bearing", folder, extra_lines=extra_lines).path).specimen
 
 
 def check_limits(found: Excitation) -> None:
@@ -73,22 +73,22 @@ def check_limits(found: Excitation) -> None:
     assert played.current.max() <= specimen.max_current.value + 1e-12
     assert played.current.min() >= specimen.min_current
     rate = np.abs(np.diff(played.current)) / specimen.sample_s
-    same = np.diff(played.time) < 1.5 * specimen.sample_s
-    assert same.all()  # the account is complete
+    is_regular = np.diff(played.time) < 1.5 * specimen.sample_s
+    assert is_regular.all()  # the account is complete
     assert rate.max() <= specimen.max_rate.value * (1.0 + 1e-9)
     assert np.diff(played.gap)[np.abs(played.current[1:]) > 0.0].max() <= 0.0
     if specimen.winding is None:
         return
     # The firmware's own step, and its share.
-    share, warmth, most = specimen.sample_s / specimen.winding.time_constant, 0.0, 0.0
+    share, warmth, max_warmth = specimen.sample_s / specimen.winding.time_constant, 0.0, 0.0
     for current in played.current.tolist():
         warmth += share * ((current / specimen.winding.continuous_current) ** 2 - warmth)
-        most = max(most, warmth)
-    assert 0.5 < most < 1.0  # the winding was warm
+        max_warmth = max(max_warmth, warmth)
+    assert 0.5 < max_warmth < 1.0  # the winding was warm
 
 
 def test_a_drive_keeps_to_current_rate_force_and_the_warmth_of_the_winding(tmp_path: Path) -> None:
-    specimen = bearing(tmp_path, TIGHT)
+    specimen = bearing(tmp_path, TIGHT_LIMITS)
     assert specimen.held_rig is not None
     watched = Watched(specimen.held_rig)
     found = measure_gaps(replace(specimen, held_rig=watched))
@@ -170,7 +170,9 @@ def test_a_bipolar_amplifier_demagnetises_before_every_record(tmp_path: Path) ->
 
 
 def test_loops_are_read_back_with_their_histories(tmp_path: Path) -> None:
-    path = measured_rig("bearing", tmp_path, more="[excite]\ngaps_m = [0.4e-3, 0.5e-3]\n").path
+    path = measured_rig(
+        "bearing", tmp_path, extra_lines="[excite]\ngaps_m = [0.4e-3, 0.5e-3]\n"
+    ).path
     made = excite(path, tmp_path / "new.csv")
     read = read_loops(tmp_path / "new.csv")
     assert read.schedule_values == (0.4e-3, 0.5e-3)
@@ -202,15 +204,15 @@ def test_a_model_of_these_loops_is_as_good_as_one_of_the_bundled_campaign(
     own, usual = measure_gaps(read_specimen(rig.path).specimen).loops, rig.usual_loops()
     largest = max(float(loop.output.max()) for loop in usual.loops)
     ours, theirs = rig.model(own), rig.model(usual)
-    for turns in (WIDE, INNER):
+    for turns in (WIDE_REVERSALS, MINOR_REVERSALS):
         # Two searches with different noise differ by up to a thousandth of the force.
         allowed = 1.15 * rig.errors(theirs, turns) + 1e-3 * largest
         assert rig.errors(ours, turns) <= allowed
 
 
-def solid_bearing(folder: Path, fast: str, more: str = "") -> Specimen:
+def solid_bearing(folder: Path, fast: str, extra_lines: str = "") -> Specimen:
     """Return the bearing with a solid core and fast cycles."""
-    path = measured_rig("bearing", folder, more=more).path
+    path = measured_rig("bearing", folder, extra_lines=extra_lines).path
     text = path.read_text(encoding="utf-8")
     table = "solid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 0.05 }"
     text = text.replace("turns = 250", f"turns = 250\n{table}")
@@ -220,8 +222,10 @@ def solid_bearing(folder: Path, fast: str, more: str = "") -> Specimen:
 
 
 def test_fast_cycles_are_run_within_the_limits_and_show_what_they_induce(tmp_path: Path) -> None:
-    plain = bearing(tmp_path / "plain", TIGHT)
-    specimen = solid_bearing(tmp_path / "solid", "[30.0, 300.0]", TIGHT.replace("3.0", "200.0"))
+    plain = bearing(tmp_path / "plain", TIGHT_LIMITS)
+    specimen = solid_bearing(
+        tmp_path / "solid", "[30.0, 300.0]", TIGHT_LIMITS.replace("3.0", "200.0")
+    )
     specimen = replace(specimen, gaps=specimen.gaps[:1])
     found = measure_gaps(specimen)
     assert found.drive_history.warmth.max() < 1.0

@@ -33,7 +33,7 @@ from tests.study.fleets import (
     few_loops_of,
     loops_of,
     magnet,
-    of_quantities,
+    model_of_quantities,
     quantities_of,
     write_fleet,
 )
@@ -43,11 +43,11 @@ SETTINGS = FleetSettings(
 )
 
 
-def drawn(count: int, left: float, seed: int) -> list[MagnetEstimate]:
+def draw_magnets(count: int, uncertainty: float, seed: int) -> list[MagnetEstimate]:
     """Draw magnets of mean (2, -30), scatter (0.1, 3), whose loops leave two correlated errors."""
     rng = np.random.default_rng(seed)
     true = np.array([2.0, -30.0]) + rng.standard_normal((count, 2)) * [0.1, 3.0]
-    std = left * np.array([0.1, 3.0])
+    std = uncertainty * np.array([0.1, 3.0])
     correlation = np.array([[1.0, 0.97], [0.97, 1.0]])
     errors = rng.multivariate_normal([0.0, 0.0], correlation * np.outer(std, std), count)
     return [MagnetEstimate.from_uncertainty(values, std, correlation) for values in true + errors]
@@ -56,7 +56,7 @@ def drawn(count: int, left: float, seed: int) -> list[MagnetEstimate]:
 @pytest.mark.first(2)
 @pytest.mark.parametrize("left", [1e-3, 0.5, 1.0])
 def test_mean_and_scatter_are_those_of_the_magnets_not_of_their_loops(left: float) -> None:
-    found = estimate_spread(drawn(400, left, 3))
+    found = estimate_spread(draw_magnets(400, left, 3))
     assert found.mean == pytest.approx([2.0, -30.0], rel=0.02)
     assert found.scatter == pytest.approx([0.1, 3.0], rel=0.25)
     assert not found.outlier.any()
@@ -73,7 +73,7 @@ def test_what_loops_leave_open_is_taken_from_the_others() -> None:
 
 
 def test_outliers_are_named_and_have_no_say() -> None:
-    magnets = drawn(30, 0.1, 4)
+    magnets = draw_magnets(30, 0.1, 4)
     clean = estimate_spread(magnets)
     odd = replace(magnets[0], values=np.array([2.9, -30.0]))
     found = estimate_spread([*magnets, odd, odd])
@@ -82,7 +82,7 @@ def test_outliers_are_named_and_have_no_say() -> None:
 
 
 def test_a_quantity_that_no_loop_determines_moves_nobody() -> None:
-    magnets = drawn(20, 0.1, 6)
+    magnets = draw_magnets(20, 0.1, 6)
     wide = [
         MagnetEstimate.from_uncertainty([*magnet.values, 7.0], [0.01, 0.3, np.inf], [])
         for magnet in magnets
@@ -209,19 +209,19 @@ def test_magnets_in_the_light_of_their_fleet_are_nearer_to_the_truth() -> None:
         ).model.uncertainty
         for place, magnet in enumerate(made)
     ]
-    told = [fit for fit in fits if fit is not None]
-    ways = [coordinate_kind("effective-field", name) for name in told[0].names]
+    estimates = [fit for fit in fits if fit is not None]
+    ways = [coordinate_kind("effective-field", name) for name in estimates[0].names]
     assert ways == ["log", "plain", "asinh", "asinh", "log", "log"]
     found = estimate_spread(
-        [MagnetEstimate.from_uncertainty(u.values, u.std, u.correlation) for u in told], ways
+        [MagnetEstimate.from_uncertainty(u.values, u.std, u.correlation) for u in estimates], ways
     )
     true = np.array([quantities_of(magnet) for magnet in made])
-    own = np.array([fit.values for fit in told])
+    own = np.array([fit.values for fit in estimates])
 
-    def off(values: FloatArray) -> FloatArray:
+    def force_error(values: FloatArray) -> FloatArray:
         return np.asarray(np.sqrt(np.mean((values / true - 1.0) ** 2, axis=0)))
 
-    assert (off(found.values) < 0.9 * off(own)).all()
+    assert (force_error(found.values) < 0.9 * force_error(own)).all()
     drive = np.concatenate([np.linspace(0.0, 2.5, 60), np.linspace(2.5, 0.5, 60)])
 
     def forces(magnets: list[Model]) -> FloatArray:
@@ -230,7 +230,9 @@ def test_magnets_in_the_light_of_their_fleet_are_nearer_to_the_truth() -> None:
 
     def force_off(values: FloatArray) -> float:
         return float(
-            np.std(forces([of_quantities(quantities) for quantities in values]) - forces(made))
+            np.std(
+                forces([model_of_quantities(quantities) for quantities in values]) - forces(made)
+            )
         )
 
     assert force_off(found.values) < 0.95 * force_off(own)

@@ -93,7 +93,7 @@ def test_an_unstable_stage_exits_with_1(
 @pytest.mark.slow
 def test_a_stage_is_lost_on_its_end_stop_though_all_stays_finite() -> None:
     made = stages.setup("full", crossover_Hz=6000.0)
-    motion = stages.unseen(made.rig)
+    motion = stages.evaluation_set_point(made.rig)
     run = track(made, motion, Feedforward())
     assert np.isfinite(run["error_m"]).all()
     assert run.loss is not None

@@ -307,9 +307,9 @@ def width_and_top(rig: BodyRig) -> tuple[float, float]:
     current = np.linspace(0.0, 4.5, 500)
     path = np.concatenate([current, current[::-1]])
     force = rig.static_map(path, np.full(path.size, 0.45e-3))[0]
-    half = 0.5 * force[499]
-    up = np.interp(half, force[:500], current)
-    down = np.interp(half, force[500:][::-1], current)
+    half_force = 0.5 * force[499]
+    up = np.interp(half_force, force[:500], current)
+    down = np.interp(half_force, force[500:][::-1], current)
     return float(up - down), float(force[499])
 
 
