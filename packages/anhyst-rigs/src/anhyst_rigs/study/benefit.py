@@ -324,12 +324,10 @@ def _step_values(runs: _StepPairs, key: str, hold: float) -> FloatArray:
 
 def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> Comparison:
     """Compare with the best baseline of this cell. The selection slightly favours the baseline."""
-    available = [
-        name for name in baselines if name in values and np.isfinite(values[name][key]).all()
-    ]
-    if not available:
+    usable = [name for name in baselines if name in values and np.isfinite(values[name][key]).all()]
+    if not usable:
         return Comparison(None, None, None)
-    baseline = min(available, key=lambda name: float(np.mean(values[name][key])))
+    baseline = min(usable, key=lambda name: float(np.mean(values[name][key])))
     if "full" not in values or not np.isfinite(values["full"][key]).all():
         return Comparison(baseline, None, None)
     full_values, baseline_values = values["full"][key], values[baseline][key]

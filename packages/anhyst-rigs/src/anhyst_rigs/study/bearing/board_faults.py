@@ -193,10 +193,8 @@ def fault_injections() -> Iterator[FaultInjection]:
 
     yield FaultInjection("position jumps", Fault.POSITION_STEP, _replace_readings(position=jumped))
     yield FaultInjection("position frozen, target stepped", Fault.POSITION_STUCK, _freeze_position)
-    error_code_action, code_out_of_range = (
-        _replace_readings(current=_SENSOR_ERROR_CODE),
-        round(1.9 * Q30),
-    )
+    error_code_action = _replace_readings(current=_SENSOR_ERROR_CODE)
+    code_out_of_range = round(1.9 * Q30)
     yield FaultInjection("current sensor's error code", Fault.CURRENT_RESERVED, error_code_action)
     yield FaultInjection(
         "current out of range", Fault.CURRENT_RANGE, _replace_readings(current=code_out_of_range)

@@ -306,9 +306,7 @@ def _tune_all(
             part(1, 1)
         except KeyboardInterrupt:
             if not tuned:
-                raise Interrupted(
-                    "no gains were found yet, nothing was written"
-                ) from None
+                raise Interrupted("no gains were found yet, nothing was written") from None
             return tuned, True
         tuned[name] = TunedVariant(name, result, tuple(limits), gain_search.aims)
         if result.interrupted:
