@@ -376,14 +376,12 @@ def map_plant_benefit(
     default_count = (
         rig.settings.noise_seeds if allows_key(rig.settings, "noise_seeds") else DEFAULT_SEED_COUNT
     )
-    seed_count = seeds or default_count
+    count = seeds or default_count
     irons = list(product(scales, fractions or reversible_fractions(rig.settings)))
-    results = map_ordered(
-        partial(_map_plants, rig, range(1, seed_count + 1)), irons, progress, jobs
-    )
+    results = map_ordered(partial(_map_plants, rig, range(1, count + 1)), irons, progress, jobs)
     return Benefit(
         rig=rig.settings.name,
-        seeds=seed_count,
+        seeds=count,
         cells=tuple(cell for cells, _ in results for cell in cells),
         metrics=results[0][1],
     )

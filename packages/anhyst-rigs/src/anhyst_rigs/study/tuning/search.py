@@ -162,9 +162,7 @@ class Screen:
         p, _, d, e, _, _, s, t, weight = per_tick.T[:9]
         controller_output = np.stack([d * s + e * s * t, e * t, np.ones(p.size)], axis=1)
         position_output = (-p - d * s - e * s * t)[:, None] * loop.plant[2]
-        output_rows = np.concatenate(
-            [position_output, controller_output], axis=1
-        )  # controller output for each state
+        output_rows = np.concatenate([position_output, controller_output], axis=1)
         feedthrough = weight * p  # direct feedthrough of the reference, N/m
         count = round(self.horizon_s * self._rate / _OUTPUT_INTERVAL_TICKS)
         state = np.zeros_like(input_vector)
