@@ -181,7 +181,7 @@ def test_ctrl_c_keeps_the_best_so_far(
     assert cli.main(["tune", "rig.toml", "--out", "tuned", "--budget", "100"]) == 130
     kept = str(Path("tuned") / "controller.toml")
     assert capsys.readouterr().err == (
-        f"anhyst: interrupted: the best so far, not checked, is in {kept}\n"
+        f"anhyst: interrupted: the best gains until then, not checked, are in {kept}\n"
     )
     assert read_controller(here / kept).settings.gains is not None
     assert "(the search was interrupted)" in (here / kept).read_text(encoding="utf-8")

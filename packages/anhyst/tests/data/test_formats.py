@@ -192,7 +192,7 @@ def test_groups_and_clocks_survive_every_format_that_has_them(tmp_path: Path) ->
             assert found[name][0] == unit
             assert np.array_equal(found[name][1], values)
     done = convert(path, tmp_path / "run.csv")
-    assert any("CSV holds no groups: bench, oven" in note for note in done.notes)
+    assert any("CSV cannot store groups: bench, oven" in note for note in done.notes)
     assert any(
         "oven/T: interpolated linearly onto the times of bench/I" in note for note in done.notes
     )

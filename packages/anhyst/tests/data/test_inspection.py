@@ -97,7 +97,7 @@ def test_width_of_even_force_is_found_with_both_signs_of_current() -> None:
 
 def test_one_gap_only_is_reported() -> None:
     found = inspect(loopset(magnet()))
-    assert "one gap only: nothing can be learned about others" in found.warnings
+    assert "only one gap: the dependence on it cannot be identified" in found.warnings
 
 
 def test_a_loop_whose_gap_moves_is_judged_like_others() -> None:
@@ -164,7 +164,7 @@ def test_flux_that_falls_with_its_field_is_refused() -> None:
 def test_loop_that_would_win_energy_is_warned_of() -> None:
     loop = magnet()
     found = inspect(changed(loop, loop.input[::-1], loop.output[::-1]))
-    assert any("the wrong way round" in text for text in found.warnings)
+    assert any("the wrong direction" in text for text in found.warnings)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -175,7 +175,7 @@ def test_noise_of_a_loop_without_width_wins_no_energy(seed: int) -> None:
         "1", loop.input[::15], loop.output[::15] + noise, np.full(67, 3e-4), None, loop.history
     )
     found = inspect(loopset(few))
-    assert not any("the wrong way round" in text for text in found.warnings)
+    assert not any("the wrong direction" in text for text in found.warnings)
 
 
 def test_offset_of_a_small_loop_to_both_sides_wins_no_energy() -> None:
@@ -183,7 +183,7 @@ def test_offset_of_a_small_loop_to_both_sides_wins_no_energy() -> None:
     force = 100.0 * current**2
     small = Loop("2", current + -0.01, force, np.full(400, 3e-4), None, History("settled"))
     found = inspect(loopset(magnet(bipolar=True), small))
-    assert not any("the wrong way round" in text for text in found.warnings)
+    assert not any("the wrong direction" in text for text in found.warnings)
 
 
 def test_record_that_never_reverses_is_warned_of() -> None:

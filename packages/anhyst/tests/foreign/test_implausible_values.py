@@ -46,7 +46,7 @@ def test_metres_for_millimetres_warn_once_with_the_likely_unit(known: Model) -> 
     with pytest.warns(ImplausibleWarning) as caught:
         known.predict([0.0, 1.0, 2.0], 0.3)
     assert [str(one.message) for one in caught] == [
-        "gap 0.3 m is 500 times the largest gap the model knows; given in mm?"
+        "gap 0.3 m is 500 times the largest gap of the model; given in mm?"
     ]
     assert caught[0].filename == __file__
     with pytest.warns(ImplausibleWarning, match="given in mm"):
@@ -95,7 +95,7 @@ def test_a_demand_in_the_wrong_unit_warns_in_one_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("header", "factors", "words"),
     [
-        ("t_s,I_A,F_N,gap_mm", (1.0, 1.0, 1.0), "finer than surfaces are flat"),
+        ("t_s,I_A,F_N,gap_mm", (1.0, 1.0, 1.0), "smaller than the flatness of surfaces"),
         ("t_s,I_A,F_kN,gap_m", (1.0, 1.0, 1.0), "the largest force is"),
         ("t_s,I_A,F_N,gap_m", (1e3, 1.0, 1.0), "the largest current is 2000 A"),
         ("t_s,I_A,F_N,gap_m", (1.0, 1.0, 1e3), "very wide for an electromagnet"),

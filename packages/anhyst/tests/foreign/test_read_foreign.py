@@ -193,7 +193,7 @@ def test_a_drift_that_cannot_be_judged_is_left_and_said_so(tmp_path: Path) -> No
     path = write(tmp_path / "once.csv", records("hard", once, drift=0.02))
     found = inspected(path, "--clean", "drift", "--history", "demagnetised")
     assert found["repairs"] == []
-    assert any("cannot be judged" in text for text in found["notes"])
+    assert any("cannot be determined" in text for text in found["notes"])
 
 
 @pytest.mark.slow
@@ -220,7 +220,7 @@ def test_a_constant_column_reports_loops_apart(tmp_path: Path) -> None:
     found = inspected(tmp_path / "loops.csv")
     assert sorted(loop["label"] for loop in found["loops"]) == ["4.8", "4.8", "8", "8"]
     assert found["schedule_values"] == [0.0002, 0.00065]
-    assert any("column 'I_max_A' tells the loops apart" in text for text in found["notes"])
+    assert any("column 'I_max_A' distinguishes the loops" in text for text in found["notes"])
 
 
 def test_a_column_that_says_what_the_gap_says_is_no_label(tmp_path: Path) -> None:
