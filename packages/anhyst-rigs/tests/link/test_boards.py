@@ -1,4 +1,5 @@
-"""Firmware is built for every board; the emulated one carries a thousand commands a second."""
+"""Test that firmware is built for every board, and that the emulated one accepts 1000 commands/s.
+"""
 
 from __future__ import annotations
 

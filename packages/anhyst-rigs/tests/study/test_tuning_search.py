@@ -1,4 +1,4 @@
-"""A search finds allowed gains, the same on any number of cores, and knows when there are none."""
+"""Test that a search finds permitted gains, reproducibly, and reports if there are none."""
 
 from __future__ import annotations
 
