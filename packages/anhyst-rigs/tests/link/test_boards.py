@@ -1,4 +1,4 @@
-"""Test that firmware is built for every board, and that the emulated one accepts 1000 commands/s.
+"""Test that firmware builds for every board, and that the emulated one takes 1000 commands/s."""
 """
 
 from __future__ import annotations

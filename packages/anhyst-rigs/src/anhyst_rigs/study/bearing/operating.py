@@ -161,7 +161,7 @@ def _check_probe(rig: BodyRig, probe: FluxSensorTable, density: float, gap: floa
 def make_linear_loop(setup: BearingSetup, operating_point: OperatingPoint) -> linear.LinearLoop:
     """Return the linear loop of a setup for small movements.
 
-    A compensator of constants keeps its own constants. A constant ratio does not cancel the
+    If the compensator consists of constants, the loop uses them. A constant ratio does not cancel the
     negative stiffness. Every other compensator is assumed to use the static slopes.
     """
     rig = setup.rig
