@@ -1,4 +1,4 @@
-"""Ports that cannot be used say why, in one line."""
+"""Test that unusable ports are reported in one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The map of what compensation gains: measured magnets, paired seeds, honest marks."""
+"""Test the benefit map: measured magnets, paired seeds, and its marks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A bench that was prepared once opens soon, and never as what it was before."""
+"""Test that a cached bench opens fast and is never outdated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of steps and records against responses that are known in closed form."""
+"""Test figures of steps and records against responses in closed form."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Slopes of a magnet with and without memory against derivatives in closed form."""
+"""Test slopes of a magnet with and without hysteresis against derivatives in closed form."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gains of a stage: what linear loops say of them, what is found, and what is written."""
+"""Test the tuning of a stage: linear loops, the gains that are found, and the files."""
 
 from __future__ import annotations
 

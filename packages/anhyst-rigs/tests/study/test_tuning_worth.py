@@ -1,4 +1,4 @@
-"""Whether a hysteresis model is worth it after tuning, in one sentence."""
+"""Test the sentence that states whether a hysteresis model is worth it after tuning."""
 
 from __future__ import annotations
 

@@ -153,19 +153,17 @@ class ControllerLink:
 
     def write_block(self, words: Sequence[int]) -> int:
         """Send a parameter block and activate it between two ticks; returns the active generation."""
-        block_words = [int(word) for word in words]
-        if len(block_words) <= GENERATION_INDEX:
-            text = f"a block of {len(block_words)} words: is too short; send a complete block"
+        all_words = [int(word) for word in words]
+        if len(all_words) <= GENERATION_INDEX:
+            text = f"a block of {len(all_words)} words: is too short; send a complete block"
             raise InputError(text, code="block-too-short")
-        generation = block_words[GENERATION_INDEX] & 0xFFFF
+        generation = all_words[GENERATION_INDEX] & 0xFFFF
         with self._lock:
-            announcement = frames.BlockBeginRequest(
-                len(block_words), generation, checksum(block_words)
-            )
+            announcement = frames.BlockBeginRequest(len(all_words), generation, checksum(all_words))
             self.request(announcement, frames.AckAnswer)
-            for offset in range(0, len(block_words), _MAX_FRAME_WORDS):
+            for offset in range(0, len(all_words), _MAX_FRAME_WORDS):
                 data = frames.BlockDataRequest(
-                    offset, tuple(block_words[offset : offset + _MAX_FRAME_WORDS])
+                    offset, tuple(all_words[offset : offset + _MAX_FRAME_WORDS])
                 )
                 self.request(data, frames.AckAnswer)
             try:
@@ -176,7 +174,7 @@ class ControllerLink:
                     with suppress(RequestRefusedError):  # no active block
                         active_words = self.read_block()
                     error.args = (
-                        f"{self.url}: {describe_scale_mismatch(block_words, active_words)}",
+                        f"{self.url}: {describe_scale_mismatch(all_words, active_words)}",
                     )
                 raise
 

@@ -76,7 +76,10 @@ def firmware_folder() -> Path:
 
 
 def _read_actuator_name(folder: Path) -> str:
-    """Return the C name of the actuator of a compiled folder; refuses a fractional tick rate."""
+    """Return the C name of the actuator of a compiled folder.
+
+    Refuses a rate that is not a whole number of 10 to 1,000,000 ticks per second.
+    """
     require_kind(folder, [COMPILED_FOLDER])
     path = folder / _MANIFEST
     try:

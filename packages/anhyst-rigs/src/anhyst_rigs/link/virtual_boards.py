@@ -324,8 +324,8 @@ def find_qemu() -> str:
     return program_path
 
 
-def _serial_options(name: str, where: str) -> list[str]:
-    return ["-chardev", f"socket,id={name},mux=on,{where}", "-serial", f"chardev:{name}"]
+def _serial_options(name: str, address: str) -> list[str]:
+    return ["-chardev", f"socket,id={name},mux=on,{address}", "-serial", f"chardev:{name}"]
 
 
 @contextmanager

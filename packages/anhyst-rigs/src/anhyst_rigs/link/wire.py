@@ -1,10 +1,9 @@
 """Encode and decode frames, and open the ports that carry them.
 
-Link frames are encoded with COBS and end with a zero byte; they contain a checksum
-(``firmware/link/frame.c``). XCP packets follow a length and a counter of 16 bits each. Over TCP
-there is no more. On a serial port a packet is padded to whole words, and the sum of all words
-follows as a checksum (``firmware/xcp/line.h``). A port is a serial port, a pseudo-terminal or a TCP
-socket.
+Link frames contain a checksum, are encoded with COBS, and end with a zero byte
+(``firmware/link/frame.c``). An XCP packet begins with a length and a counter of 16 bits each. On a
+serial port it is padded to whole words, and the sum of all words follows as a checksum
+(``firmware/xcp/line.h``). A port is a serial port, a pseudo-terminal or a TCP socket.
 """
 
 from __future__ import annotations

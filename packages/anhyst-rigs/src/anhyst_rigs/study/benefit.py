@@ -324,12 +324,10 @@ def _step_values(runs: _StepPairs, key: str, hold: float) -> FloatArray:
 
 def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> Comparison:
     """Compare with the best baseline of this cell. The selection slightly favours the baseline."""
-    available = [
-        name for name in baselines if name in values and np.isfinite(values[name][key]).all()
-    ]
-    if not available:
+    usable = [name for name in baselines if name in values and np.isfinite(values[name][key]).all()]
+    if not usable:
         return Comparison(None, None, None)
-    baseline = min(available, key=lambda name: float(np.mean(values[name][key])))
+    baseline = min(usable, key=lambda name: float(np.mean(values[name][key])))
     if "full" not in values or not np.isfinite(values["full"][key]).all():
         return Comparison(baseline, None, None)
     full_values, baseline_values = values["full"][key], values[baseline][key]
@@ -378,14 +376,12 @@ def map_plant_benefit(
     default_count = (
         rig.settings.noise_seeds if allows_key(rig.settings, "noise_seeds") else DEFAULT_SEED_COUNT
     )
-    seed_count = seeds or default_count
+    count = seeds or default_count
     irons = list(product(scales, fractions or reversible_fractions(rig.settings)))
-    results = map_ordered(
-        partial(_map_plants, rig, range(1, seed_count + 1)), irons, progress, jobs
-    )
+    results = map_ordered(partial(_map_plants, rig, range(1, count + 1)), irons, progress, jobs)
     return Benefit(
         rig=rig.settings.name,
-        seeds=seed_count,
+        seeds=count,
         cells=tuple(cell for cells, _ in results for cell in cells),
         metrics=results[0][1],
     )

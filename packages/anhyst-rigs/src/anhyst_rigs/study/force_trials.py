@@ -218,10 +218,8 @@ def worst_errors(
         errors = groups.setdefault(group(trial), {})
         for name, forces in trial["controllers"].items():
             trial_errors = {key: forces["true"][key] for key in ("worst_percent", "rms_percent")}
-            worst_so_far = errors.get(name, trial_errors)
-            errors[name] = {
-                key: max(worst_so_far[key], value) for key, value in trial_errors.items()
-            }
+            worst = errors.get(name, trial_errors)
+            errors[name] = {key: max(worst[key], value) for key, value in trial_errors.items()}
     return groups
 
 

@@ -97,10 +97,8 @@ class PreparedBearing:
             )
         controller_table, scales = self.setup.controller, running.scales
         gaps = scales.gap_low, scales.gap_high
-        current, force = (
-            controller_table.limits.current_high_A,
-            controller_table.force_max(pair_table(self.setup.rig)),
-        )
+        current = controller_table.limits.current_high_A
+        force = controller_table.force_max(pair_table(self.setup.rig))
         if model.valid is not None and current > MAX_CURRENT_RATIO * model.valid.input[1]:
             raise InputError(
                 f"model: was measured up to {model.valid.input[1]:g} A, the controller drives up to "

@@ -221,11 +221,8 @@ class _BranchSplitter:
         return branch
 
     def _mark_extreme(self, tick: int, current: float) -> None:
-        self._extreme, self._extreme_tick, self._extreme_sum = (
-            current,
-            tick,
-            (self._total, self._count),
-        )
+        self._extreme, self._extreme_tick = current, tick
+        self._extreme_sum = self._total, self._count
 
 
 @dataclass(slots=True)

@@ -87,7 +87,7 @@ class FaultOutcome:
         }
 
 
-def _replace_readings(
+def _fake_readings(
     ticks: float = math.inf, /, **readings: int | Callable[[PlantSample], int]
 ) -> FaultAction:
     """Replace sensor readings for some ticks by numbers or by functions of the sample."""
@@ -176,54 +176,48 @@ def _apply_overload(bench: BearingBench, tick: int) -> bool:
 def fault_injections() -> Iterator[FaultInjection]:
     """Yield every fault with the reason that the controller must report."""
     yield FaultInjection(
-        "three samples missing", Fault.NONE, _replace_readings(3, status=_NO_SAMPLE_BIT)
+        "three samples missing", Fault.NONE, _fake_readings(3, status=_NO_SAMPLE_BIT)
     )
     position_missing = Fault.POSITION_MISSING
-    yield FaultInjection("no samples", position_missing, _replace_readings(status=_NO_SAMPLE_BIT))
+    yield FaultInjection("no samples", position_missing, _fake_readings(status=_NO_SAMPLE_BIT))
     yield FaultInjection(
-        "samples missing for 2 ms", position_missing, _replace_readings(40, status=_NO_SAMPLE_BIT)
+        "samples missing for 2 ms", position_missing, _fake_readings(40, status=_NO_SAMPLE_BIT)
     )
     code_out_of_range = round(0.95 * Q31)
     yield FaultInjection(
-        "position out of range", Fault.POSITION_RANGE, _replace_readings(position=code_out_of_range)
+        "position out of range", Fault.POSITION_RANGE, _fake_readings(position=code_out_of_range)
     )
 
     def jumped(sample: PlantSample) -> int:
         return max(sample.position - round(0.7 * Q31), 1 + _SENSOR_ERROR_CODE)
 
-    yield FaultInjection("position jumps", Fault.POSITION_STEP, _replace_readings(position=jumped))
+    yield FaultInjection("position jumps", Fault.POSITION_STEP, _fake_readings(position=jumped))
     yield FaultInjection("position frozen, target stepped", Fault.POSITION_STUCK, _freeze_position)
-    error_code_action, code_out_of_range = (
-        _replace_readings(current=_SENSOR_ERROR_CODE),
-        round(1.9 * Q30),
-    )
+    error_code_action = _fake_readings(current=_SENSOR_ERROR_CODE)
+    code_out_of_range = round(1.9 * Q30)
     yield FaultInjection("current sensor's error code", Fault.CURRENT_RESERVED, error_code_action)
     yield FaultInjection(
-        "current out of range", Fault.CURRENT_RANGE, _replace_readings(current=code_out_of_range)
+        "current out of range", Fault.CURRENT_RANGE, _fake_readings(current=code_out_of_range)
     )
     current_mismatch, inverted_current = (
         Fault.CURRENT_MISMATCH,
-        _replace_readings(current=lambda sample: -sample.current),
+        _fake_readings(current=lambda sample: -sample.current),
     )
-    yield FaultInjection(
-        "current sensor disconnected", current_mismatch, _replace_readings(current=0)
-    )
+    yield FaultInjection("current sensor disconnected", current_mismatch, _fake_readings(current=0))
     yield FaultInjection("current read with the wrong sign", current_mismatch, inverted_current)
     yield FaultInjection("five ticks missed", Fault.MISSED_TICK, _miss_ticks)
     yield FaultInjection("link lost", Fault.LINK_LOST, lambda bench, tick: False)
     yield FaultInjection("command stop", Fault.STOPPED, _command_stop)
     yield FaultInjection(
-        "emergency stop open", Fault.EMERGENCY_STOP, _replace_readings(status=_EMERGENCY_STOP_BIT)
+        "emergency stop open", Fault.EMERGENCY_STOP, _fake_readings(status=_EMERGENCY_STOP_BIT)
     )
     yield FaultInjection("supply sags to a fifth", Fault.SUPPLY, _sag_supply)
+    yield FaultInjection("winding too warm", Fault.TOO_WARM, _fake_readings(status=_TOO_WARM_BIT))
     yield FaultInjection(
-        "winding too warm", Fault.TOO_WARM, _replace_readings(status=_TOO_WARM_BIT)
+        "amplifier reports a fault", Fault.AMPLIFIER, _fake_readings(status=_AMPLIFIER_BIT)
     )
     yield FaultInjection(
-        "amplifier reports a fault", Fault.AMPLIFIER, _replace_readings(status=_AMPLIFIER_BIT)
-    )
-    yield FaultInjection(
-        "over-current", Fault.OVER_CURRENT, _replace_readings(status=_OVER_CURRENT_BIT)
+        "over-current", Fault.OVER_CURRENT, _fake_readings(status=_OVER_CURRENT_BIT)
     )
     yield FaultInjection("bad parameter blocks", Fault.NONE, _send_bad_blocks)
     yield FaultInjection("another block swapped in", Fault.NONE, _swap_block)

@@ -240,19 +240,20 @@ class Experiments:
     def as_dict(self) -> dict[str, Any]:
         """Return the content of ``figures.json``."""
 
-        def rows(tried: VariantFigures) -> dict[str, Any]:
-            return {name: figures.as_dict() for name, figures in tried.items()}
+        def rows(by_variant: VariantFigures) -> dict[str, Any]:
+            return {name: figures.as_dict() for name, figures in by_variant.items()}
 
         return {
             "standstill": rows(self.standstill),
             "trajectories": [
-                {**shape.model_dump(), "variants": rows(tried)}
-                for shape, tried in self.trajectories
+                {**shape.model_dump(), "variants": rows(by_variant)}
+                for shape, by_variant in self.trajectories
             ],
             "load_steps": [
-                {"force_N": force, "variants": rows(tried)} for force, tried in self.load_steps
+                {"force_N": force, "variants": rows(by_variant)}
+                for force, by_variant in self.load_steps
             ],
-            "events": {event: rows(tried) for event, tried in self.events.items()},
+            "events": {event: rows(by_variant) for event, by_variant in self.events.items()},
         }
 
 

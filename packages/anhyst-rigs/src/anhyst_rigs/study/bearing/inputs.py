@@ -94,11 +94,13 @@ def check_inputs(
     )
 
 
-def check_calibration_covers(rig: BodyRig, method: MethodName, named: Path | str | None) -> None:
-    """Refuse a calibration without the given method; `named` is the path in the message."""
+def check_calibration_covers(
+    rig: BodyRig, method: MethodName, shown_path: Path | str | None
+) -> None:
+    """Refuse a calibration without the given method; `shown_path` is for the message."""
     if rig.calibration_path is not None and rig.method_calibration(method) is None:
         raise InputError(
-            f"{rig.path}: control.calibration: {named} does not contain '{method}', so only other "
+            f"{rig.path}: control.calibration: {shown_path} does not contain '{method}', so only other "
             "methods would be calibrated; calibrate again with all methods",
             code="method-missing",
             key="control.calibration",

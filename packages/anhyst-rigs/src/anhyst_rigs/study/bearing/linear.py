@@ -202,10 +202,8 @@ def _discretise_with_delay(
     _, first_input = _hold_matrices(a, b, fraction * tick_s)
     # The rows after those of the plant hold the delayed inputs, the newest first.
     delay_states = whole_ticks + (1 if fraction > 0.0 else 0)
-    matrix, input_vector = (
-        np.zeros((n + delay_states, n + delay_states)),
-        np.zeros(n + delay_states),
-    )
+    matrix = np.zeros((n + delay_states, n + delay_states))
+    input_vector = np.zeros(n + delay_states)
     matrix[:n, :n] = over_tick
     if fraction > 0.0:
         matrix[:n, n + delay_states - 1] = second_transition @ first_input

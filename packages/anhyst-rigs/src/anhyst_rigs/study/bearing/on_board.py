@@ -106,7 +106,7 @@ class BoardComparison:
         }
 
     def raise_if_failed(self) -> None:
-        """Raise an error if the firmware differs from the simulation, or missed a fault.
+        """Raise an error if the firmware differs, did not land, or reported a wrong reason.
 
         Raises
         ------

@@ -49,10 +49,8 @@ def find_operating_point(rig: BodyRig) -> OperatingPoint:
     gap, current_high_A = settings.gap_m, settings.amplifier.current_high_A
     ascending_current = np.linspace(0.0, current_high_A, _CURRENT_POINTS)
     path = np.concatenate([ascending_current, ascending_current[::-1]])
-    load_N, stop_gaps = (
-        rig.static_load,
-        np.array([settings.body.stop_low_m, settings.body.stop_high_m]),
-    )
+    load_N = rig.static_load
+    stop_gaps = np.array([settings.body.stop_low_m, settings.body.stop_high_m])
     smallest_gap = float(np.min(rig.magnet_gaps(stop_gaps)))
     force, psi, _ = rig.static_map(path, np.full(path.size, gap))
     check_load(rig, float(force[_CURRENT_POINTS - 1]))
@@ -163,7 +161,7 @@ def _check_probe(rig: BodyRig, probe: FluxSensorTable, density: float, gap: floa
 def make_linear_loop(setup: BearingSetup, operating_point: OperatingPoint) -> linear.LinearLoop:
     """Return the linear loop of a setup for small movements.
 
-    A compensator of constants keeps its own constants. A constant ratio does not cancel the
+    If the compensator consists of constants, the loop uses them. A constant ratio does not cancel the
     negative stiffness. Every other compensator is assumed to use the static slopes.
     """
     rig = setup.rig

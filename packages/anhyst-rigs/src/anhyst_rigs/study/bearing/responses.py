@@ -318,11 +318,8 @@ def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
 
 def _evaluate_recorded_step(run: StepRun, recording: Recording, step: ReferenceStep) -> StepResult:
     step_recording = recording.slice_ticks(step.begin - 1, step.end)
-    time, reference, gap = (
-        step_recording["t_s"],
-        step_recording["reference_m"],
-        step_recording["gap_m"],
-    )
+    time, gap = step_recording["t_s"], step_recording["gap_m"]
+    reference = step_recording["reference_m"]
     current, error = step_recording["current_A"], gap - reference
     figures = {
         **asdict(evaluate_step(time, reference, gap, position_resolution(run.setup.rig))),
@@ -355,11 +352,9 @@ def compare_steps(
         steps_by_case.setdefault((id(run.setup), run.gap, run.load), []).append(steps)
     cells = []
     for setup, gap, load, height in product(setups, gaps, loads, heights):
-        seed_figures = [
-            merge_directions(steps, height) for steps in steps_by_case[id(setup), gap, load]
-        ]
+        by_seed = [merge_directions(steps, height) for steps in steps_by_case[id(setup), gap, load]]
         case = {"variant": setup.method, "gap": gap, "height": height, "load": load}
-        cells.append(StepCell.summarise(seed_figures, **case))
+        cells.append(StepCell.summarise(by_seed, **case))
     return cells
 
 

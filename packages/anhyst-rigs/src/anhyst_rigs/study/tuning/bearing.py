@@ -122,13 +122,11 @@ class BearingLoop:
         magnet.
         """
         screens = [make_screen(self.setup, self.conditions, part) for part in SLOPE_FRACTIONS]
-        aims_by_peak = [
-            aims.with_scaled_limits({"peak_sensitivity": bound}) for bound in _PEAK_FACTORS
-        ]
+        aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
         return [
             partial(self._find_best_point, seed, (screen, screen_aims))
             for screen in screens
-            for screen_aims in aims_by_peak
+            for screen_aims in aims_list
         ]
 
     def _find_best_point(self, seed: int, task: tuple[Screen, Aims]) -> FloatArray:

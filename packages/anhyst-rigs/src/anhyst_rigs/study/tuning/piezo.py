@@ -178,14 +178,10 @@ def _evaluate_plant(
     poles = np.linalg.eigvals(closed)
     is_stable = np.abs(poles).max(axis=1) < 1.0
     rate = file.timing.rate_Hz
-    sweep_frequencies = np.geomspace(_MIN_FREQUENCY_RATIO * rate, 0.499 * rate, _FREQUENCY_COUNT)
+    sweep_Hz = np.geomspace(_MIN_FREQUENCY_RATIO * rate, 0.499 * rate, _FREQUENCY_COUNT)
     # Narrow peaks lie near poles of the closed loop, so their frequencies are evaluated too.
-    pole_frequencies = np.maximum(
-        np.abs(np.angle(poles)) * rate / (2.0 * math.pi), sweep_frequencies[0]
-    )
-    frequency = np.hstack(
-        [np.tile(sweep_frequencies, (coefficients.shape[0], 1)), pole_frequencies]
-    )
+    pole_Hz = np.maximum(np.abs(np.angle(poles)) * rate / (2.0 * math.pi), sweep_Hz[0])
+    frequency = np.hstack([np.tile(sweep_Hz, (coefficients.shape[0], 1)), pole_Hz])
     z = np.exp(2j * math.pi * frequency / rate)
     denominator = np.poly(matrix)
     numerator = np.poly(matrix - np.outer(input_vector, [0.0, 0.0, 1.0])) - denominator
@@ -195,14 +191,10 @@ def _evaluate_plant(
     notch_response = (b0 + b1 * z_1 + b2 * z_2) / (1.0 + a1 * z_1 + a2 * z_2)
     sensitivity = 1.0 / np.abs(1.0 + gain / (1.0 - z_1) * notch_response * z_1 * response)
     # The residual of a triangle consists of harmonics that decrease with the square of their order.
-    fundamental_Hz = file.displacement_case.frequency_Hz
-    harmonics = np.where(
-        sweep_frequencies >= fundamental_Hz, (fundamental_Hz / sweep_frequencies) ** 2, 0.0
-    )
+    first_Hz = file.displacement_case.frequency_Hz
+    harmonics = np.where(sweep_Hz >= first_Hz, (first_Hz / sweep_Hz) ** 2, 0.0)
     residual = np.sqrt(
-        np.trapezoid(
-            (sensitivity[:, :_FREQUENCY_COUNT] * harmonics) ** 2, sweep_frequencies, axis=1
-        )
+        np.trapezoid((sensitivity[:, :_FREQUENCY_COUNT] * harmonics) ** 2, sweep_Hz, axis=1)
     )
     peak_frequency = frequency[np.arange(coefficients.shape[0]), np.argmax(sensitivity, axis=1)]
     return np.where(is_stable, sensitivity.max(axis=1), np.inf), peak_frequency, residual
@@ -274,14 +266,12 @@ class PiezoLoop:
             self.linear_loops(self.conditions),
             partial(self.space.nearest_point, self.gains()),
         )
-        aims_by_peak = [
-            aims.with_scaled_limits({"peak_sensitivity": factor}) for factor in _PEAK_FACTORS
-        ]
+        aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
         return [
             file_gains,
             *(
                 partial(find_best_point, linear, self.space, seed, peak_aims)
-                for peak_aims in aims_by_peak
+                for peak_aims in aims_list
             ),
         ]
 

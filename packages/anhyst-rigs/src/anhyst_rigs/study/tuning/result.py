@@ -244,14 +244,14 @@ def make_file_note(tuned: TunedVariant, tuning: Tuning) -> str:
         f"Made by anhyst {running_version()} tune for variant '{tuned.variant}' on the rig "
         f"'{tuning.rig.settings.name}'.",
         f"Aims: {format_aims(tuning)}.",
-        f"Tried at {'; '.join(one.text for one in result.loop.conditions)};",
+        f"Tried at {'; '.join(condition.text for condition in result.loop.conditions)};",
         f"{result.loop.trial_text}; {tuning.budget} sets of gains, seed {tuning.seed}.",
         reached_text,
         f"{', '.join(format_figure(name, value) for name, value in tuned.figures.by_name().items())}.",
         *missed_lines,
         *result.loop.explain_parameters(result.parameters),
-        *(f"{one}." for one in (result.check.notes if result.check else ())),
-        *(f"What limits: {one.text}." for one in tuned.limits[:_MAX_NOTES]),
+        *(f"{note}." for note in (result.check.notes if result.check else ())),
+        *(f"What limits: {limit.text}." for limit in tuned.limits[:_MAX_NOTES]),
     ]
     return "\n".join(lines)
 
@@ -275,7 +275,7 @@ def write_results(tuning: Tuning, folder: Path) -> None:
 
 def table_rows(tuning: Tuning) -> list[list[str]]:
     """Return the table of all variants, sorted by result."""
-    return [_table_row(one) for one in _sort_best_first(tuning.tuned.values())]
+    return [_table_row(tuned) for tuned in _sort_best_first(tuning.tuned.values())]
 
 
 def _table_row(tuned: TunedVariant) -> list[str]:

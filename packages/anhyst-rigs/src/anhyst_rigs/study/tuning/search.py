@@ -162,9 +162,7 @@ class Screen:
         p, _, d, e, _, _, s, t, weight = per_tick.T[:9]
         controller_output = np.stack([d * s + e * s * t, e * t, np.ones(p.size)], axis=1)
         position_output = (-p - d * s - e * s * t)[:, None] * loop.plant[2]
-        output_matrix = np.concatenate(
-            [position_output, controller_output], axis=1
-        )  # controller output for each state
+        output_rows = np.concatenate([position_output, controller_output], axis=1)
         feedthrough = weight * p  # direct feedthrough of the reference, N/m
         count = round(self.horizon_s * self._rate / _OUTPUT_INTERVAL_TICKS)
         state = np.zeros_like(input_vector)
@@ -174,9 +172,7 @@ class Screen:
             for tick in range(count):
                 state = (matrix @ state[..., None])[..., 0] + input_vector
                 position[tick] = state @ c
-                force = np.maximum(
-                    force, np.abs(np.sum(state * output_matrix, axis=1) + feedthrough)
-                )
+                force = np.maximum(force, np.abs(np.sum(state * output_rows, axis=1) + feedthrough))
             position = np.nan_to_num(position, nan=1e9, posinf=1e9, neginf=-1e9)
             overshoot = 100.0 * np.maximum(position.max(axis=0) - 1.0, 0.0)
             is_outside = np.abs(position - 1.0) > _SETTLING_BAND
@@ -197,11 +193,9 @@ def closed_loop_matrices(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatA
     n, m = per_tick.shape[0], a.shape[0]
     p, k, d, e, _, _, s, t, weight = per_tick.T[:9]
     controller_matrix = np.zeros((n, 3, 3))
-    controller_matrix[:, 0, 0], controller_matrix[:, 1, 0], controller_matrix[:, 1, 1] = (
-        1.0 - s,
-        -s * t,
-        1.0 - t,
-    )
+    controller_matrix[:, 0, 0] = 1.0 - s
+    controller_matrix[:, 1, 0] = -s * t
+    controller_matrix[:, 1, 1] = 1.0 - t
     controller_matrix[:, 2, 2] = 1.0
     controller_output = np.stack([d * s + e * s * t, e * t, np.ones(n)], axis=1)
     inverse_k_i = 1.0 / loop.compensation.k_i
@@ -287,12 +281,10 @@ def make_screen(
                 bearing=replace(static_loop.bearing, k_i=softening * static_loop.bearing.k_i),
             ),
         ]
-        force_reserve_N = min(
-            limits.force_high_N - rig.static_load, rig.static_load - limits.force_low_N
-        )
+        reserve_N = min(limits.force_high_N - rig.static_load, rig.static_load - limits.force_low_N)
         if len(rig.settings.body_magnets) > 1:
-            force_reserve_N = limits.force_high_N - abs(rig.static_load)
-        reserves += [max(force_reserve_N, 1e-3 * limits.force_high_N) / largest_step_m] * 2
+            reserve_N = limits.force_high_N - abs(rig.static_load)
+        reserves += [max(reserve_N, 1e-3 * limits.force_high_N) / largest_step_m] * 2
     return Screen(loops, reserves, SCREEN_HORIZON_S)
 
 
@@ -362,9 +354,7 @@ class GainSearch:
 
     def run(self) -> SearchResult:
         """Run the search; ctrl-C returns the best gains so far."""
-        initial_outcome = run_trial(
-            self._search_loop, self.loop.conditions, self.aims, seed=self.seed
-        )
+        initial = run_trial(self._search_loop, self.loop.conditions, self.aims, seed=self.seed)
         checked: list[tuple[float, TriedGains, CheckResult]] = []
         interrupted = False
         try:
@@ -383,7 +373,7 @@ class GainSearch:
             loop=self.loop.with_gains_at(best.point),
             parameters=self.loop.space.parameters(best.point),
             check=best_check,
-            initial_outcome=initial_outcome,
+            initial_outcome=initial,
             candidates=(best, *other_candidates),
             tried_count=self._tried_count,
             interrupted=interrupted,

@@ -261,12 +261,10 @@ class StageLoop:
 
     def initial_guesses(self, aims: Aims, seed: int) -> list[Callable[[], FloatArray]]:
         """Return functions that find the best linear loops for several peak limits."""
-        aims_by_peak = [
-            aims.with_scaled_limits({"peak_sensitivity": factor}) for factor in _PEAK_FACTORS
-        ]
+        aims_list = [aims.with_scaled_limits({"peak_sensitivity": part}) for part in _PEAK_FACTORS]
         return [
             partial(find_best_point, self.linear_loop, self.space, seed, peak_aims)
-            for peak_aims in aims_by_peak
+            for peak_aims in aims_list
         ]
 
     def check(self, jobs: int | None = None) -> CheckResult:
@@ -287,14 +285,17 @@ class StageLoop:
         results = map_ordered(partial(self._run_check, feedforward), tasks, jobs=jobs)
         seed_count = len(seeds)
         plant_results = results[seed_count + 2 :]
-        is_complete = all(item is not None for item in [*results[:seed_count], *plant_results])
+        is_complete = all(
+            figures is not None for figures in [*results[:seed_count], *plant_results]
+        )
         test_figures, widths = (
             _mean_figures(results[:seed_count])
             if is_complete
             else (StageFigures.for_lost_body(), {})
         )
         other_figures = [
-            item or StageFigures.for_lost_body() for item in results[seed_count : seed_count + 2]
+            figures or StageFigures.for_lost_body()
+            for figures in results[seed_count : seed_count + 2]
         ]
         figures = dict(
             zip((TEST, SLOW_TRAINING, STANDSTILL), (test_figures, *other_figures), strict=True)

@@ -87,11 +87,8 @@ class BearingSpace(SearchBox):
     ) -> ControllerTable:
         """Return the controller at a point of the unit box, with the template's settings."""
         parameters = self.parameters(point)
-        w, z, a = (
-            2.0 * math.pi * parameters["bandwidth_Hz"],
-            parameters["damping"],
-            parameters["real_pole"],
-        )
+        w = 2.0 * math.pi * parameters["bandwidth_Hz"]
+        z, a = parameters["damping"], parameters["real_pole"]
         total_mass = self.mass * (1.0 + parameters["virtual_mass"])
         gains = GainsTable(
             K_p_N_per_m=round_gain(total_mass * (1.0 + 2.0 * z * a) * w**2),
@@ -263,10 +260,8 @@ def find_helpful_changes(
     The limit of the peak sensitivity, increased by half, is always one of them. The text of a
     change is made from its description and the costs with and without it.
     """
-    relaxed_peak, relaxed_aims = (
-        1.5 * aims.peak_sensitivity,
-        aims.with_scaled_limits({"peak_sensitivity": 1.5}),
-    )
+    relaxed_peak = 1.5 * aims.peak_sensitivity
+    relaxed_aims = aims.with_scaled_limits({"peak_sensitivity": 1.5})
     changes = {
         "peak_sensitivity": (f"a peak sensitivity of {relaxed_peak:g}", loop, relaxed_aims),
         **changes,

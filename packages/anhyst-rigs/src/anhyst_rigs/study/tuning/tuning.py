@@ -252,13 +252,13 @@ class StageSubject(TuningSubject):
         self, names: Sequence[MethodName], jobs: int | None
     ) -> Mapping[MethodName, Tunable]:
         """Identify the magnets and make the loops of the variants."""
-        made, _ = make_variants(self.rig, identify_stage_magnet(self.rig), names)
+        setups, _ = make_variants(self.rig, identify_stage_magnet(self.rig), names)
         scan = self.rig.settings.scan
         work = partial(find_gains, motion=scan_motion(scan, scan.train_m_per_s2))
-        feedforwards = map_ordered(work, list(made.values()), jobs=jobs)
+        feedforwards = map_ordered(work, list(setups.values()), jobs=jobs)
         return {
             name: StageLoop(setup, gains, self.max_crossover)
-            for (name, setup), gains in zip(made.items(), feedforwards, strict=True)
+            for (name, setup), gains in zip(setups.items(), feedforwards, strict=True)
         }
 
 
