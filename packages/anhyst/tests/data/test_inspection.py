@@ -240,7 +240,7 @@ def test_clipped_output_is_named(limit: float, is_clipped: bool) -> None:
     force = np.minimum(12.0 * current**2, limit)
     loop = Loop("1", current, force, None, None, History("settled"))
     warnings = inspect(Loops((loop,), QUANTITIES["current"], QUANTITIES["force"])).warnings
-    assert any("the force stays at 60 N" in text for text in warnings) == is_clipped
+    assert any("the force is constant at 60 N" in text for text in warnings) == is_clipped
 
 
 def test_record_without_hysteresis_is_judged(tmp_path: Path) -> None:

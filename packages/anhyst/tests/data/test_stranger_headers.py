@@ -170,7 +170,7 @@ def test_gap_that_returns_is_a_loop_of_its_own(tmp_path: Path) -> None:
 )
 def test_hidden_gap_is_a_question(tmp_path: Path, name: str, scatter: float) -> None:
     path = write(tmp_path / "a.csv", f"t_s;I_A;F_N;{name}", *steps(0.4, 0.6, scatter=scatter))
-    with refused(f"label-or-schedule {name}: is it the gap; {name}=gap_mm"):
+    with refused(f"label-or-schedule {name}: if it is the gap, map it; {name}=gap_mm"):
         read_loops(path)
     assert len(read_loops(path, columns={name: "gap_mm"}).schedule_values) == 2
 

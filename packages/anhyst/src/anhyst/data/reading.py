@@ -561,7 +561,7 @@ def _make_loop(columns: _Columns, rows: Rows) -> Loop:
     if time is not None and (fault_row := find_time_reversal(time)) is not None:
         raise InputError(
             f"{columns.locate_row(int(rows[fault_row]))}: time going backwards ({time[fault_row]:g} s after "
-            f"{time[fault_row - 1]:g} s); sort the rows, or tell loops apart by a column 'loop'",
+            f"{time[fault_row - 1]:g} s); sort the rows, or distinguish the loops by a column 'loop'",
             code="time-backwards",
         )
     time = time if columns.has_times else None

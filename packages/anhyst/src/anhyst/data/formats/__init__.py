@@ -53,7 +53,7 @@ _BUILT_IN_OPENERS: dict[str, Opener] = {
 FORMATS: Registry[Opener] = Registry(
     "anhyst.formats",
     _BUILT_IN_OPENERS,
-    lambda opener, _: "" if callable(opener) else "and it is no function",
+    lambda opener, _: "" if callable(opener) else "and it is not a function",
     prefix=".",
 )
 """Openers by suffix: built-in formats, and entry points ``anhyst.formats`` of installed packages.
