@@ -431,7 +431,7 @@ def find_label(
 
 
 def _label_runs(column: Texts, schedule: FloatArray | None) -> list[Rows] | None:
-    """Return the rows of each loop; ``None`` if a value has several runs at a scheduling value."""
+    """Return the rows of each loop; ``None`` if a value has several runs at one scheduling value."""
     if np.count_nonzero(np.bincount(column.codes)) < 2:
         return None
     is_change = np.diff(column.codes) != 0

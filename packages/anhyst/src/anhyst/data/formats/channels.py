@@ -254,7 +254,7 @@ def file_sha256(path: Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Texts:
-    """A text column: its distinct values, and the index of the value of each row."""
+    """A text column: its distinct values, and for each row the index of its value."""
 
     values: tuple[str, ...]
     codes: NDArray[np.int32]
