@@ -361,6 +361,7 @@ _MIN_ADDRESS_SPACE = 4 << 30
 """Limit of the address space in bytes, plus twice the file; libraries reserve unused space."""
 _EXIT_REFUSED = 2
 _EXIT_OUT_OF_MEMORY = 4
+"""Exit codes of the separate process: file refused, memory limit exceeded."""
 _DAMAGE_ADVICE = "the file is damaged or malicious: export it again"
 
 
