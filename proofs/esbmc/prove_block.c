@@ -41,11 +41,11 @@ static int does_current_rise(const int16_t *words)
 
 /* Any answer for a table inside the block, which TABLE shows to be enough. */
 static inline int is_table_rising(const entry *words, entry first, int32_t entries, entry least,
-                                  entry steepest)
+                                  entry max_rise)
 {
   (void)least;
-  (void)steepest;
-  return is_table_inside(words, first, entries) && nondet_i16() != 0;
+  (void)max_rise;
+  return is_table_in_block(words, first, entries) && nondet_i16() != 0;
 }
 #endif
 #endif
@@ -64,7 +64,7 @@ int main(void)
   int16_t before[2]; /* any */
   int16_t words[2];
   ASSUME(is_single(before, 0) && is_single(words, 0));
-  (void)in_unit(any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), before, words, 0);
+  (void)convert_unit(any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), before, words, 0);
   return 0;
 }
 

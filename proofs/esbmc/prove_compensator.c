@@ -57,7 +57,7 @@ static const anhyst_kernel any_kernel = {ANHYST_KIND_FULL, any_field, any_flux, 
 /* ---- contracts ---- */
 
 #ifdef LEAVES_BY_CONTRACT
-static int16_t over_gap(place at, int16_t first)
+static int16_t over_gap(gap_position position, int16_t first)
 {
   if (first == GAIN || first == FIELD_ARM) {
     return (int16_t)any_within(1, ANHYST_Q15_MAX);
@@ -128,13 +128,13 @@ static void prove_over_gap(void)
   const int32_t segments = 1 << words[ANHYST_WORD_GAP_SEGMENTS];
   const int16_t first = (int16_t)any_within(ANHYST_BLOCK_LEAST_WORDS, ANHYST_BLOCK_MOST_WORDS);
   ASSUME(first + segments + 1 <= ANHYST_BLOCK_MOST_WORDS);
-  const place at = place_of(words, nondet_i32());
-  SHOW(at.part >= 0 && at.part <= 32767);
-  const int32_t segment = (int32_t)(at.words - words);
+  const gap_position position = locate_gap(words, nondet_i32());
+  SHOW(position.part >= 0 && position.part <= 32767);
+  const int32_t segment = (int32_t)(position.words - words);
   SHOW(segment >= 0 && segment < segments);
   const int32_t change = (int32_t)words[first + segment + 1] - words[first + segment];
   ASSUME(change >= -ANHYST_Q15_MAX && change <= ANHYST_Q15_MAX);
-  (void)over_gap(at, first);
+  (void)over_gap(position, first);
 }
 
 int main(void)

@@ -7,13 +7,13 @@
 int main(void)
 {
 #if defined(SHARE)
-  const int32_t found = share_of(any_within(1, ANHYST_Q31_MAX), nondet_i32());
+  const int32_t found = quotient_up_to_one(any_within(1, ANHYST_Q31_MAX), nondet_i32());
   SHOW(found >= 0);
 #else
   const int16_t entries[2] = {nondet_i16(), nondet_i16()};
   const int16_t half[2] = {nondet_i16(), nondet_i16()};
   const law_type law = {{entries, 0, 0}, half, 0, 0, 0};
-  ASSUME(has_branches(&law, 2));
+  ASSUME(are_branches_rising(&law, 2));
   SHOW(half[0] >= 0 && half[1] >= 0);
   SHOW(entries[1] + half[1] >= entries[0] + half[0]);
   SHOW(entries[1] - half[1] >= entries[0] - half[0]);

@@ -22,15 +22,15 @@ static int is_current(int32_t current)
 /* ---- contracts ---- */
 
 /* All but the remainder of the converter's steps, on which on_grid alone depends. */
-static int are_valid(const anhyst_position_limits_q31 *of,
-                         const anhyst_position_settings_q31 *to)
+static int are_settings_valid(const anhyst_position_limits_q31 *of,
+                              const anhyst_position_settings_q31 *to)
 {
   return anhyst_factor_is_valid(to->units.gap[0].factor) &&
          anhyst_factor_is_valid(to->units.gap[1].factor) && of->current_low < of->current_high &&
          of->current_step > 0 && of->release >= of->current_step && nondet_i16() != 0;
 }
 
-static int32_t on_grid(const anhyst_position_limits_q31 *of, int32_t current)
+static int32_t round_to_grid(const anhyst_position_limits_q31 *of, int32_t current)
 {
   SHOW(of == &limits && is_current(current));
   return any_within(limits.current_low, limits.current_high);

@@ -39,14 +39,14 @@ static void tables_are_straight_between_their_entries(void)
       const double step = (double)entries[segment + 1] - entries[segment];
       const double exact = (entries[segment] + step * (place - segment)) * 8192.0;
       int32_t rise;
-      const double found = (double)value(t, u, &rise);
+      const double found = (double)interpolate(t, u, &rise);
       CHECK(rise == entries[segment + 1] - entries[segment]);
       keep_worst(&worst, fabs(found - exact) / (step + 1e-9));
       CHECK(found <= exact);
     }
     for (int i = 0; i < count; i++) {
       int32_t rise;
-      CHECK(value(t, i * (UNIT >> n), &rise) == entries[i] * 8192);
+      CHECK(interpolate(t, i * (UNIT >> n), &rise) == entries[i] * 8192);
     }
   }
   CHECK_BELOW("table, units in the last place over the rise of a segment", worst, 1.0);
@@ -61,7 +61,7 @@ static void forgetting_is_exponential(void)
   for (int64_t way = 0; way <= ANHYST_Q31_MAX; way += way < 4096 ? 1 : 1009) {
     const double octaves = (double)way / FULL_Q26;
     const double exact = -expm1(-octaves * log(2.0));
-    const int32_t found = forgotten((int32_t)way);
+    const int32_t found = decayed_share((int32_t)way);
     keep_worst(&worst, fabs((double)found / FULL_Q28 - exact));
     if (way > 0 && octaves < 1.0) {
       keep_worst(&relative, (fabs((double)found - exact * FULL_Q28) - 1.0) / (exact * FULL_Q28));
@@ -91,20 +91,20 @@ static void walk(double kappa, double c, double *error_y, double *error_m)
     const double x0 = uniform(&seed, -3.5, 3.5);
     const double y0 = lagged(kappa, 0.0, 0.0, x0);
     const double x1 = uniform(&seed, x0, 3.9);
-    path along;
+    branch_path path;
     anhyst_full_memory from;
     from.x = (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE);
     from.y = (int32_t)lrint(y0 * ANHYST_Q30_ONE);
     from.p = from.x;
     from.turn = from.x;
     from.level = from.y;
-    begin(&along, words, &from, 0);
-    depart(&along, words, &from, 0);
-    const answer at = evaluate(&along, (int32_t)lrint(x1 / REACH * FULL_Q28));
+    init_path(&path, words, &from, 0);
+    find_departure(&path, words, &from, 0);
+    const path_point point = evaluate(&path, (int32_t)lrint(x1 / REACH * FULL_Q28));
     const double y1 = lagged(kappa, x0, y0, x1);
     const double m1 = (1.0 - c) * y1 + c * langevin(x1);
-    keep_worst(error_y, fabs((double)at.y / FULL_Q28 - y1));
-    keep_worst(error_m, fabs((double)at.m / FULL_Q28 - m1));
+    keep_worst(error_y, fabs((double)point.y / FULL_Q28 - y1));
+    keep_worst(error_m, fabs((double)point.m / FULL_Q28 - m1));
   }
 }
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The compensator in double precision. Declarations are in generic/compensator.h. */
+/* The compensator in double precision. generic/compensator.h contains the declarations. */
 #ifndef ANHYST_COMPENSATOR_F64_H
 #define ANHYST_COMPENSATOR_F64_H
 

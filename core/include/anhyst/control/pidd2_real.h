@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The position controller of pidd2.h in floating point. Declarations are in generic/pidd2.h. */
+/* The position controller of pidd2.h in floating point. generic/pidd2.h contains the
+   declarations. */
 #ifndef ANHYST_PIDD2_REAL_H
 #define ANHYST_PIDD2_REAL_H
 

@@ -1,4 +1,4 @@
-"""A force rig as a component: the plant of ``anhyst force-control`` and its compiled compensator."""
+"""A rig for force control as a component: its plant and its compiled compensator."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ _SENSOR_UNITS = {"gap": "m", "force": "N", "current": "A"}
 
 
 def force_part(rig_path: PathLike) -> Part:
-    """Return an actuator with its compensator: demand, gap and noise in; command, current, force out.
+    """Return an actuator with its compensator as a component.
 
-    It ticks at the rate of the controller, from demagnetised iron on.
+    The inputs are the demand, the gap and the noise; the outputs are the command, the current and
+    the force. The component runs at the rate of the controller and starts with demagnetised iron.
     """
     rig = read_rig(rig_path)
     loops = read_rig_loops(rig)
@@ -30,7 +31,7 @@ def force_part(rig_path: PathLike) -> Part:
     compensator = compensator_part(identify_force_model(rig, loops), rate, "full")
     others = "axes|piezo|position|body|loop|controller"
     sources = plant_sources(others, LAW_CORE_FILES, ["force.c"]) | dict(compensator.sources)
-    # One component within another, which is the part of the FMU.
+    # The compensator is a component inside the component of the FMU.
     renamed = b"#define anhyst_the_part anhyst_compensator_part\n"
     sources["compensator_numbers.h"] = renamed + sources["compensator_numbers.h"]
     demand, *gaps = compensator.variables_with("input")
@@ -41,7 +42,7 @@ def force_part(rig_path: PathLike) -> Part:
 
 
 def _force_header(rig: ForceControlRig, gaps: list[Variable]) -> str:
-    """Return the plant as structures, and what the compensator gets of the gap."""
+    """Return the header with the parameters of the plant and the gap range of the compensator."""
     solid = None
     if (file := rig.solenoid_file) is not None:
         circuit, cone = file.circuit.circuit_parameters(file.iron), file.circuit.cone_parameters()
@@ -75,13 +76,13 @@ def _force_header(rig: ForceControlRig, gaps: list[Variable]) -> str:
 def _force_variables(
     rig: ForceControlRig, demand: Variable, gaps: list[Variable]
 ) -> list[Variable]:
-    """Return what goes in and comes out, by the names of recordings."""
-    gap_text = "true gap, to which the armature is moved"
+    """Return the inputs and outputs; the names are those of recordings."""
+    gap_text = "true gap; the armature is moved there"
     ends = (gaps[0].low, gaps[0].high) if gaps else (None, None)
-    noise_text = "added to what the sensor reads"
-    reading_text = "as its sensor said at the tick"
+    noise_text = "noise that is added to the reading of the sensor"
+    reading_text = "reading of its sensor at the tick"
     return [
-        Variable("demand_N", "input", "N", "wanted force", 0.0, demand.low, demand.high),
+        Variable("demand_N", "input", "N", "demanded force", 0.0, demand.low, demand.high),
         Variable("gap_m", "input", "m", gap_text, rig.settings.force.end_m, *ends),
         *(
             Variable(
@@ -89,7 +90,7 @@ def _force_variables(
             )
             for name in SENSOR_ORDER
         ),
-        Variable("command_A", "output", "A", "current that is asked for from the next tick on"),
+        Variable("command_A", "output", "A", "current reference from the next tick on"),
         Variable("current_A", "output", "A", "current at the tick"),
         Variable("force_N", "output", "N", "true force at the tick"),
         *(

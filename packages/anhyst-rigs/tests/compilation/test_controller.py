@@ -312,7 +312,7 @@ def test_every_setting_of_the_core_is_given(compiled: Compiled) -> None:
 def test_the_guide_reports_both_widths(compiled: Compiled) -> None:
     guide = (compiled.out / "DROP_IN.md").read_text()
     assert "a converter of 16 bits" in guide
-    assert "a signed integer of 32 bits" in guide
+    assert "a signed 32-bit integer" in guide
     assert "{" not in guide.split("## The position controller")[1].split("```c")[0]
 
 

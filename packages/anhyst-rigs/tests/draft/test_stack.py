@@ -1,4 +1,4 @@
-"""A stack is fitted to loops: a known one comes back, a real one is followed, others are refused."""
+"""Test the fit of a piezo stack: a known one, a real one, and loops that are rejected."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def path(each: int, turns: tuple[float, ...] = TURNS) -> FloatArray:
 
 
 def plant(drive: FloatArray, step: float = 1e-3, shares: tuple[float, ...] = ()) -> FloatArray:
-    """What the virtual stack does where a stage follows at once, m; the plant's own C."""
+    """Displacement of the virtual stack on a stage without lag, m, by the plant's C code."""
     times = np.array([0.3, 3.0][: len(shares)])
     numbers = {
         **{"stroke_per_volt": KNOWN["stroke"], "bend": KNOWN["bend"], "slope": KNOWN["slope"]},
@@ -82,7 +82,7 @@ def test_a_known_stack_comes_back_from_its_loops() -> None:
     check_known(stack, 0.01)
     assert stack.rms < 6e-9
     assert (stack.low, stack.high, stack.creep_times) == (-10.0, 100.0, ())
-    # What remains at the lowest voltage is what the plant shows there after the highest one.
+    # The fitted remaining displacement at the lowest voltage is that of the plant.
     back = plant(path(40_000, (0.0, 100.0, -10.0)))
     assert stack.remains == pytest.approx(back[-1], abs=0.05e-6)
 
@@ -106,7 +106,7 @@ def test_what_is_no_stack_is_refused() -> None:
     straight = 0.3e-6 * drive
     with refused("no-piezo: show no hysteresis"):
         fit_stack(loops(drive, straight))
-    with refused("no-piezo: are followed by no stack"):
+    with refused("no-piezo: are not those of a stack"):
         fit_stack(loops(drive, straight + rng.normal(0.0, 5e-6, drive.size)))
     with refused("output-falls"):
         fit_stack(loops(drive, -plant(drive)))

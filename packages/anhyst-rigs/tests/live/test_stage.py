@@ -242,7 +242,7 @@ def test_each_method_learns_from_the_laps_that_it_drove_itself(beside: Beside) -
     last = beside.learner.laps[-1]
     assert last.values == {}
     assert last.refused > 0  # its law does not explain the motion
-    assert "nothing is taken" in beside.learner.status()["said"]["single-valued"]
+    assert "no correction is applied" in beside.learner.status()["said"]["single-valued"]
 
 
 @pytest.fixture

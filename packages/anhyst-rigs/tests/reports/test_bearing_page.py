@@ -177,7 +177,7 @@ def test_the_tiles_name_the_strongest_baseline_and_measured_flux(
     assert "strongest without hysteresis model (single-valued): 10.00 ± 0.30 %" in tile
     assert "measured flux: 12.10 ± 0.25 %" in tile
     assert "ratio" not in tile
-    assert "than measured flux less at 0 and more at 0" in text
+    assert "compared with measured flux, less at 0 and more at 0" in text
 
 
 @pytest.mark.parametrize(

@@ -133,7 +133,7 @@ def test_what_belongs_to_another_kind_is_refused_by_its_place(
         place = f"{key}[{len(content[key])}]"
     else:
         content[key], place = table, key
-    with refused(f"not-for-this-kind {place}: has no use for"):
+    with refused(f"not-for-this-kind {place}: does not use"):
         read(tmp_path, content)
 
 
@@ -164,7 +164,7 @@ def test_there_is_one_of_what_a_kind_needs(kind: str, name: str, tmp_path: Path)
         content[key][-1] = {**table, "name": "another"} if "name" in table else table
         read(tmp_path, content)
         return
-    with refused(f"not-for-this-kind {key}[{len(content[key])}]: has one of them"):
+    with refused(f"not-for-this-kind {key}[{len(content[key])}]: has only one of them"):
         read(tmp_path, content)
 
 
@@ -203,7 +203,7 @@ def test_a_key_without_a_use_is_refused(
     content = example(kind)
     place, table = table_of(content, name)
     table.update(keys)
-    with refused(f"not-for-this-kind {place}.{next(iter(keys))}: has no use for it"):
+    with refused(f"not-for-this-kind {place}.{next(iter(keys))}: does not use it"):
         read(tmp_path, content)
 
 

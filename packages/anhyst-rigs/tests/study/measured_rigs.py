@@ -38,25 +38,27 @@ INNER = (
 
 @dataclass(frozen=True)
 class MeasuredRig:
-    """A rig in a folder of its own."""
+    """A rig in a separate folder."""
 
     kind: str
     path: Path
     held: HeldRig
     campaign: MeasurementTable
     zero: float
-    """What its shunt reads at no current, A."""
+    """Reading of the shunt at zero current, A."""
 
     @property
     def past(self) -> list[float]:
         return [0.0, *[self.campaign.current_max_A, 0.0] * 3]
 
     def usual_loops(self) -> Loops:
-        """Return the loops that its own [measurement] asks for."""
+        """Return the loops that [measurement] of the rig requires."""
         magnet = self.held.magnet()
         places = range(len(self.campaign.gaps_m))
         loops = [
-            loop for one in places for loop in measure_at_gap(self.held, self.campaign, one, magnet)
+            loop
+            for index in places
+            for loop in measure_at_gap(self.held, self.campaign, index, magnet)
         ]
         names = QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"]
         return Loops(tuple(loops), *names)
@@ -86,7 +88,7 @@ class MeasuredRig:
 def measured_rig(
     kind: str, folder: Path, iron: str | None = None, more: str = "", law: str = ""
 ) -> MeasuredRig:
-    """Copy a bundled rig; with another iron, a law to identify, and more lines in its rig file."""
+    """Copy a bundled rig, optionally with another iron, a law to identify and more lines."""
     shutil.copytree(EXAMPLES / kind, folder, dirs_exist_ok=True)
     if iron is not None:
         with_keys(folder / IRON[kind], keys_of(iron))

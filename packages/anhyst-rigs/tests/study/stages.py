@@ -1,4 +1,4 @@
-"""The bundled stage with short set-points; its magnets are those of the bundled bearing."""
+"""The bundled stage with short set-points and with the magnets of the bundled bearing."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def unseen(rig: BodyRig) -> SetPoint:
 
 @cache
 def study() -> TrackingStudy:
-    """The compensator and what it is measured against."""
+    """The compensator and its baselines."""
     return explore_stage(stage(), bearings.knowledge(), ("single-valued", "play", "full"))
 
 
@@ -75,5 +75,5 @@ def training() -> SetPoint:
 
 @cache
 def recorded(drift: Drift = WRONG) -> Recording:
-    """Return the motion of a plant under the compensator as it was fitted."""
+    """Return the motion of a plant under the identified compensator."""
     return track(replace(setup("full"), drift=drift), training(), Feedforward(), 1)

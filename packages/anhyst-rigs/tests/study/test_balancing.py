@@ -1,4 +1,4 @@
-"""A body of several coordinates whose magnets are not what they seem, and what its motion teaches."""
+"""Test the calibration of a body with several coordinates from its motion."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tests.study.test_axes import EXAMPLES, planar
 
 
 def short(pinning_percent: float = 0.0) -> BodyRig:
-    """Return the example with short set-points; what widths must be learnt, is compiled anew."""
+    """Return the example with short set-points and few loop widths, since each needs a compilation."""
     scan = {f"scan.{key}": value for key, value in stages.SHORT.items()}
     spread = {"spread.pinning_percent": pinning_percent}
     return change_rig(planar(), {**scan, **spread, "noise_seeds": 2})
@@ -52,10 +52,10 @@ def recorded(method: MethodName = "full") -> Recording:
 def left(setup: StageSetup, way: str = "x") -> tuple[float, float]:
     """Return moving average along a way and largest error about z on a set-point never learnt on.
 
-    Along y its accelerations are halved.
+    Its accelerations along y are halved.
     """
     scan = short().settings.scan
-    peaks = [one / (1 + (way == "y")) for one in scan.test_m_per_s2]
+    peaks = [peak / (1 + (way == "y")) for peak in scan.test_m_per_s2]
     there = change_rig(short(), {"scan.direction": [float(axis == way) for axis in "xyz"]})
     motion = scan_motion(scan, peaks)
     run = track(replace(setup, rig=there, drift=plant()), motion, Feedforward(), 2)
@@ -98,15 +98,17 @@ def test_what_a_motion_keeps_of_a_law_is_never_that_of_another() -> None:
     place = id(law)
     del law
     laws = [StageLaw(short(), bearings.knowledge(), "play")]
-    while id(laws[-1]) != place and len(laws) < 100:  # until one stands where the first one stood
+    while id(laws[-1]) != place and len(laws) < 100:  # until one has the position of the first one
         laws.append(StageLaw(short(), bearings.knowledge(), "play"))
     expected = laws[-1].net_force(laws[-1].make_motion(recorded().columns), zero)
     assert (laws[-1].net_force(motion, zero) == expected).all()
 
 
 def test_what_no_motion_showed_stays_and_is_said() -> None:
-    found = {one.name: one for one in taught("full", recorded()).calibration.parameter}
-    unseen = found["gap_zero_5_m"]  # of the pair along y, which rests
+    found = {
+        parameter.name: parameter for parameter in taught("full", recorded()).calibration.parameter
+    }
+    unseen = found["gap_zero_5_m"]  # of the pair along y, which does not move
     assert (unseen.value, unseen.sigma, unseen.frozen) == (0.0, unseen.prior, True)
     assert not found["scale_1"].frozen
     assert found["scale_1"].sigma < 0.7 * found["scale_1"].prior
@@ -131,8 +133,8 @@ def test_a_body_that_is_as_the_file_says_is_left_alone_whatever_the_dead_time() 
     found = calibrate_from_motions(law, [law.make_motion(run.columns)])
     assert found.fits
     assert found.residual_N < 0.0015 * found.force_N
-    for one in found.parameter:
-        assert abs(one.value) < 0.8 * one.prior, one.name
+    for parameter in found.parameter:
+        assert abs(parameter.value) < 0.8 * parameter.prior, parameter.name
     assert abs(found.value("centre_z_m")) < 0.2e-3
 
 
@@ -193,10 +195,10 @@ def test_a_flux_that_is_no_number_and_a_clock_that_stands_are_refused() -> None:
 
 def test_every_magnet_and_head_is_drawn_by_itself() -> None:
     drift = plant()
-    assert len({one.first_scale for one in drift.magnets}) == 10
-    assert len({one.place_x for one in drift.heads}) == 6
+    assert len({magnet.first_scale for magnet in drift.magnets}) == 10
+    assert len({head.place_x for head in drift.heads}) == 6
     alone = drift.select(ERROR_CASES["centre of mass"])
-    assert not any(one.as_dict() for one in alone.magnets)
+    assert not any(magnet.as_dict() for magnet in alone.magnets)
     assert (alone.place_x, alone.mass, alone.heads) == (drift.place_x, 0.0, ())
     assert drift.as_dict()["magnet_3_gap_offset_m"] == drift.magnets[2].gap_offset
     assert drift.select(ERROR_CASES["all"]) == drift

@@ -1,4 +1,4 @@
-"""A bearing that learns from its motion: what a recording teaches, what it must not, what it is for."""
+"""Test the calibration of a bearing from its motion: recordings, rejections, and the gain."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from tests.study import bearings
 WRONG = Drift(pinning=0.2, gap_offset=10e-6)
 """The plant of the table: wider loops, and a gap that reads too much."""
 UNSURE = {"spread.gap_zero_m": 5e-6}
-"""What the rig file says of the gap, which no motion moves by more than four times that."""
+"""Prior standard deviation of the gap zero in the rig file; estimates stay within four of them."""
 
 
 def rig(two: bool = False) -> BodyRig:
@@ -75,7 +75,7 @@ def learnt(two: bool = False) -> CalibratedMethod:
 
 
 def corrected(folder: Path, two: bool = False) -> BodyRig:
-    """The rig, which names what was learnt."""
+    """The rig with the calibration."""
     assert taught(recorded(two), two, folder / "calibration.toml").has_estimates
     named = change_rig(rig(two), {"control.calibration": "calibration.toml"})
     return replace(named, path=folder / "rig.toml")
@@ -86,7 +86,7 @@ def with_columns(**others: np.ndarray) -> Recording:
 
 
 def force_error(of: BearingSetup, drift: Drift) -> float:
-    """Of the second period of the slow triangle, N."""
+    """Force error in the second period of the slow triangle, N."""
     scenario, begin = plan_trajectory(of, of.rig.settings.trajectories[0])
     run = flown(of, scenario, drift).slice_ticks(begin, scenario.ticks)
     return rms(run["force_N"] - run["demand_N"])
@@ -121,7 +121,7 @@ def test_overshoot_after_calibration_is_that_of_a_bearing_that_never_drifted(
     after = make_setup(corrected(tmp_path), table, bearings.knowledge(), "full", "fixed")
 
     def overshoot(of: BearingSetup, drift: Drift) -> float:
-        """Of the highest step, which noise moves least, %."""
+        """Overshoot of the highest step, on which noise has the least effect, %."""
         return float(run_bearing({"full": of}, "full", drift, 1)["overshoot_percent"][-1])
 
     assert overshoot(after, WRONG) < 1.2 * overshoot(setup(), NO_DRIFT) + 0.05
@@ -133,7 +133,9 @@ def test_the_block_is_of_the_model_that_motion_corrected(tmp_path: Path) -> None
     model = model_to_compile(own, known, "full")
     assert model.nodes == pytest.approx(np.add(known.model.nodes, found.value("gap_zero_m")))
     scale = 1.0 + found.value("scale_1")
-    before, after = (one.interpolate_parameter("c_H", 0.45e-3) for one in (known.model, model))
+    before, after = (
+        each_model.interpolate_parameter("c_H", 0.45e-3) for each_model in (known.model, model)
+    )
     assert after == pytest.approx(scale * before)
     with pytest.raises(InputError, match="share one block"):
         model_to_compile(corrected(tmp_path, True), known, "full")
@@ -155,9 +157,11 @@ def test_a_controller_expects_the_force_that_was_learnt(two: bool) -> None:
         motion.tick_numbers + motion.delay_ticks, motion.tick_numbers, motion.columns["gap_read_m"]
     )
     commands = [motion.columns[name] for name in ("command_A", "command_2_A")]
-    for number, one in enumerate(fit_bearing_compensators(law.rig, table, each, "full", "f64")):
+    for number, compensator in enumerate(
+        fit_bearing_compensators(law.rig, table, each, "full", "f64")
+    ):
         at = total - gap if number else gap
-        pulled = one.reset_copy().follow(np.ascontiguousarray(commands[number]), at)
+        pulled = compensator.reset_copy().follow(np.ascontiguousarray(commands[number]), at)
         net += (-1.0) ** number * motion.filter_force(pulled, motion.delay_ticks)
     off = (net - law.net_force(motion, values))[motion.compared_indices]
     assert rms(off) < 1e-3 * motion.force_rms
@@ -178,8 +182,8 @@ def test_hanging_still_under_a_load_that_swings_teaches_nothing() -> None:
         script.set_load(150.0 + swing).hold(0.1)
     run = flown(setup(), script.build())
     columns = {name: row for name, row in run.columns.items() if name != "load_N"}
-    for one in (run, Recording(columns)):
-        found = taught(one)
+    for recording in (run, Recording(columns)):
+        found = taught(recording)
         assert not found.has_estimates
         (method,) = found.file.method
         assert all(number.frozen and number.value == 0.0 for number in method.parameter)
@@ -242,7 +246,7 @@ def test_a_reading_beyond_all_numbers_is_refused() -> None:
 
 
 def naming(folder: Path) -> Path:
-    """The example's rig file, which names a calibration beside it."""
+    """The example's rig file with a calibration in the same folder."""
     place, kind = bearings.copy_known(folder), 'kind = "levitation"'
     text = place.read_text(encoding="utf-8")
     place.write_text(text.replace(kind, f'calibration = "calibration.toml"\n{kind}'), "utf-8")
@@ -261,7 +265,7 @@ def test_a_calibration_that_says_nothing_of_the_controllers_method_is_refused(
         method=[method],
     )
     Calibration(file).save(tmp_path / "calibration.toml")
-    with pytest.raises(InputError, match="says nothing of 'full'"):
+    with pytest.raises(InputError, match="does not contain 'full'"):
         check_inputs(*read_files(naming(tmp_path), None))
 
 

@@ -1,4 +1,4 @@
-"""Calibration from motion: what a recording teaches of the magnets, and what it must not."""
+"""Test the calibration of a stage from recorded motion: estimates and rejections."""
 
 from __future__ import annotations
 
@@ -59,15 +59,15 @@ def test_numbers_that_are_off_are_found_from_one_scan() -> None:
     assert found.value("lag_s") == pytest.approx(40e-6, abs=15e-6)
     for number in (1, 2):
         assert found.value(f"width_{number}") == pytest.approx(0.12, abs=0.08)
-    for one in found.parameter:
-        assert one.frozen == one.name.startswith("gap_zero")
-        assert one.sigma < one.prior or one.frozen
+    for parameter in found.parameter:
+        assert parameter.frozen == parameter.name.startswith("gap_zero")
+        assert parameter.sigma < parameter.prior or parameter.frozen
 
 
 @pytest.mark.slow
 def test_on_a_plant_that_is_as_it_should_be_little_is_found() -> None:
-    for one in learnt(drift=NO_DRIFT).parameter:
-        assert abs(one.value) <= 0.5 * one.prior, one.name
+    for parameter in learnt(drift=NO_DRIFT).parameter:
+        assert abs(parameter.value) <= 0.5 * parameter.prior, parameter.name
 
 
 @pytest.mark.slow
@@ -112,7 +112,7 @@ def test_where_the_law_does_not_fit_nothing_is_taken_or_written(tmp_path: Path) 
     found = calibrate(rig, recorded(), out, magnet=bearings.knowledge(), methods=["full"])
     assert not found.has_estimates
     assert not out.exists()
-    assert "nothing is taken" in found.facts()["full"]
+    assert "no correction is applied" in found.facts()["full"]
 
 
 def test_numbers_that_do_not_fit_correct_nothing() -> None:
@@ -127,8 +127,8 @@ def test_numbers_that_do_not_fit_correct_nothing() -> None:
 def test_two_recordings_teach_more_than_one() -> None:
     again = track(replace(stages.setup("full"), drift=WRONG), training(), Feedforward(), 2)
     (found,) = taught([recorded(), again]).file.method
-    for one, both in zip(learnt().parameter, found.parameter, strict=True):
-        assert both.sigma < one.sigma or both.frozen
+    for parameter, updated in zip(learnt().parameter, found.parameter, strict=True):
+        assert updated.sigma < parameter.sigma or updated.frozen
 
 
 def test_nothing_moves_where_hardly_any_force_was_demanded(tmp_path: Path) -> None:
@@ -137,8 +137,8 @@ def test_nothing_moves_where_hardly_any_force_was_demanded(tmp_path: Path) -> No
     run, out = track(setup, gently, Feedforward(), 1), tmp_path / "calibration.toml"
     whole = calibrate(stages.stage(), run, out, magnet=bearings.knowledge(), methods=["full"])
     (found,) = whole.file.method
-    assert {one.value for one in found.parameter} == {0.0}
-    assert all(one.frozen for one in found.parameter)
+    assert {parameter.value for parameter in found.parameter} == {0.0}
+    assert all(parameter.frozen for parameter in found.parameter)
     assert not whole.has_estimates
     assert not found.fits
     assert not out.exists()
@@ -149,8 +149,8 @@ def test_a_motion_that_the_law_cannot_explain_is_said_and_corrects_nothing() -> 
     stuck = with_columns(command_A=np.full(len(recorded()), 1.0))
     (found,) = taught(stuck).file.method
     assert not found.fits
-    assert {one.value for one in found.parameter} == {0.0}
-    assert all(one.frozen for one in found.parameter)
+    assert {parameter.value for parameter in found.parameter} == {0.0}
+    assert all(parameter.frozen for parameter in found.parameter)
 
 
 @pytest.mark.slow
@@ -173,7 +173,9 @@ def test_a_law_of_another_kind_is_said_and_one_of_the_right_kind_is_not_in_any_n
 def test_no_number_leaves_what_the_rig_file_states_of_it() -> None:
     far = with_columns(command_A=1.2 * recorded()["command_A"])
     (found,) = taught(far).file.method
-    assert all(abs(one.value) <= 4.0 * one.prior + 1e-12 for one in found.parameter)
+    assert all(
+        abs(parameter.value) <= 4.0 * parameter.prior + 1e-12 for parameter in found.parameter
+    )
 
 
 @pytest.mark.slow
@@ -331,10 +333,7 @@ def test_no_file_corrects_by_more_than_any_calibration(
 
 @pytest.mark.slow
 def test_an_oracle_that_sees_true_forces_and_currents_finds_the_same_numbers() -> None:
-    """Least squares of its own, tick by tick, without filter, delay, prior or recorded readings.
-
-    The flux lags as a low-pass of the true currents does; the law is asked sample by sample.
-    """
+    """Independent least squares: tick by tick, without filter, delay, prior or recorded readings."""
     run, found = recorded(), learnt()
     compensator = corrected().compensator
     truth = run["force_N"] - found.value("bias_N")
@@ -354,7 +353,7 @@ def test_an_oracle_that_sees_true_forces_and_currents_finds_the_same_numbers() -
                 compensator.reset_copy(),
             )
             pulls.append(
-                [law.commit(*one) for one in zip(slow.tolist(), gap.tolist(), strict=True)]
+                [law.commit(*sample) for sample in zip(slow.tolist(), gap.tolist(), strict=True)]
             )
         net = np.array(pulls[1]) - np.array(pulls[0])
         return np.asarray((net - truth)[counts])

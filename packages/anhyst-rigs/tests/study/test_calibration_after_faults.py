@@ -1,4 +1,4 @@
-"""What a bearing learns from the recording of a flight in which something goes wrong."""
+"""Test the calibration of a bearing from flights with faults."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ OFTEN |= {"five ticks missed", "overload for 100 ms"}
 
 
 class Flight:
-    """A flight and its rows; where the sensor of the position says nothing, what it said before."""
+    """A flight and its rows; a missing position repeats the reading before."""
 
     def __init__(self, running: BearingBench) -> None:
         self.running, self.rows = running, list[list[float]]()
@@ -83,14 +83,18 @@ def recorded(firmware: Path, act: FaultAction) -> tuple[Recording, int]:
 
 
 def learnt(run: Recording) -> dict[str, tuple[float, float]]:
-    """Numbers and their standard deviations; none where nothing is taken."""
+    """Parameters and their standard deviations; empty if the method is rejected."""
     (method,) = taught(run).file.method
-    return {one.name: (one.value, one.sigma) for one in method.parameter if method.is_applied}
+    return {
+        parameter.name: (parameter.value, parameter.sigma)
+        for parameter in method.parameter
+        if method.is_applied
+    }
 
 
 @cache
 def without_a_fault(firmware: Path) -> tuple[dict[str, tuple[float, float]], ...]:
-    """What is learnt of the steps before, and of all of a flight in which nothing happens."""
+    """Estimates from the steps before a fault, and from a flight without a fault."""
     run, good = recorded(firmware, lambda *_: True)
     return learnt(run.slice_ticks(0, good)), learnt(run)
 

@@ -1,4 +1,4 @@
-"""The shortest move that shows what a stage is off by: what is chosen, and what it is worth."""
+"""Test the design of the shortest calibration move of a stage, and its gain."""
 
 from __future__ import annotations
 
@@ -75,5 +75,5 @@ def test_one_move_balances_a_body_along_both_ways_and_its_own_set_point_along_on
     before, turned = left(setup)
     assert along < 0.15 * before
     assert about < 0.4 * turned
-    across, by_work = (left(stage_of(one), "y")[0] for one in (learner, worked))
+    across, by_work = (left(stage_of(estimator), "y")[0] for estimator in (learner, worked))
     assert across < 0.3 * by_work

@@ -1,4 +1,4 @@
-"""A stage that calibrates itself while it works: what it learns, how fast, and what it must not."""
+"""Test the online calibration of a stage: estimates, rates, forgetting and rejections."""
 
 from __future__ import annotations
 
@@ -63,19 +63,21 @@ def test_an_hour_at_rest_under_a_varying_load_moves_nothing() -> None:
 
 @pytest.mark.slow
 def test_minutes_of_work_drift_by_less_than_a_tenth_of_what_is_stated() -> None:
-    """Scans of three noise seeds by turns; what is forgotten is learnt again."""
+    """Scans with three noise seeds in turn; the estimate recovers after forgetting."""
     setup = replace(stages.setup("flux"), drift=WRONG)
     runs = [track(setup, training(), Feedforward(), seed) for seed in (1, 2, 3)]
     scans = [motion_of_run(run) for run in runs]
     learner = ParameterEstimator(law("flux"), FORGETTING_TIME_S)
     for number in range(300):
         learner.update(scans[number % 3])
-    settled, known = dict(learner.estimate), learner.calibration
+    settled, calibration = dict(learner.estimate), learner.calibration
     for number in range(600):
         learner.update(scans[number % 3])
-    for one, now in zip(known.parameter, learner.calibration.parameter, strict=True):
-        assert abs(now.value - settled[now.name]) < 0.1 * one.prior
-        assert now.sigma <= one.sigma <= one.prior
+    for parameter, updated in zip(
+        calibration.parameter, learner.calibration.parameter, strict=True
+    ):
+        assert abs(updated.value - settled[updated.name]) < 0.1 * parameter.prior
+        assert updated.sigma <= parameter.sigma <= parameter.prior
 
 
 STUCK: Callable[[np.ndarray], np.ndarray] = lambda values: np.full_like(values, values[0])  # noqa: E731
@@ -113,7 +115,7 @@ def test_after_a_fault_of_a_sensor_nothing_is_learnt(
     assert not learner.update(motion_of_run(recorded(), **{column: fault(recorded()[column])}))
     assert learner.rejected_count == 1
     assert learner.estimate == before
-    assert learner.update(motion_of_run(recorded()))  # and goes on afterwards
+    assert learner.update(motion_of_run(recorded()))  # and the next motion is accepted
 
 
 @pytest.mark.parametrize(
@@ -167,7 +169,9 @@ def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(
     run = track(own, scan_motion(scan, scan.train_m_per_s2), gains, 1)
     assert learner.update(StageMotion(rig, run.columns))
     found = learner.calibration
-    learnt: dict[str, CalibratedParameter] = {one.name: one for one in found.parameter}
+    learnt: dict[str, CalibratedParameter] = {
+        parameter.name: parameter for parameter in found.parameter
+    }
     assert found.fits
     for name, true in (("payload", 0.05), ("cable_N_per_m", 60.0)):
         off = abs(learnt[name].value - true)
@@ -185,7 +189,7 @@ def test_without_a_payload_hardly_one_is_found_and_short_ways_say_little_of_a_ca
     learner = ParameterEstimator(StageLaw(rig, bearings.knowledge(), "full"))
     assert learner.update(StageMotion(rig, recorded().columns))
     assert abs(learner.estimate["payload"]) < 0.015
-    found = {one.name: one for one in learner.calibration.parameter}
+    found = {parameter.name: parameter for parameter in learner.calibration.parameter}
     cable = found["cable_N_per_m"]
     assert cable.sigma > 0.5 * cable.prior
     assert abs(cable.value) < cable.sigma
@@ -221,12 +225,15 @@ def test_old_motions_count_less_and_no_number_leaves_its_bounds() -> None:
         assert learner.update(run(0.0055))
         assert learner.update(run(0.005))
     fresh.update(run(0.005))
-    off = [abs(one.estimate["scale_1"] - fresh.estimate["scale_1"]) for one in (forgetful, patient)]
+    off = [
+        abs(estimator.estimate["scale_1"] - fresh.estimate["scale_1"])
+        for estimator in (forgetful, patient)
+    ]
     assert off[0] < off[1]
     for learner in (forgetful, patient):
-        for one in learner.calibration.parameter:
-            assert one.sigma <= one.prior
-            assert abs(one.value) <= 4.0 * one.prior
+        for parameter in learner.calibration.parameter:
+            assert parameter.sigma <= parameter.prior
+            assert abs(parameter.value) <= 4.0 * parameter.prior
 
 
 @pytest.mark.slow

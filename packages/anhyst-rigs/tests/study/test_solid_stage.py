@@ -1,4 +1,4 @@
-"""A stage on solid iron: the compensator that follows it beside the same one at rest."""
+"""Test a stage with a solid core: compensators with and without eddy currents."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def solid(**changes: Any) -> BodyRig:
 
 @cache
 def late() -> IdentifiedMagnet:
-    """What is known of a magnet, with layers typed by hand."""
+    """The identified magnet with layers that are set by hand."""
     known = bearings.knowledge()
     parameters = {**known.model.parameters, "gamma": 60.0}
     return replace(

@@ -1,4 +1,4 @@
-"""A stage that follows set-points: what the loop is, and what compensation is worth in it."""
+"""Test a stage that follows set-points: its loop, and the gain of compensation."""
 
 from __future__ import annotations
 
@@ -173,8 +173,8 @@ def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
 
 def test_a_plant_is_drawn_with_errors_of_its_kind_alone() -> None:
     drawn = sample_drift(stages.stage().settings, np.random.default_rng(1))
-    one, two = drawn.magnets
-    assert 0.0 != one.pinning != two.pinning
+    first, second = drawn.magnets
+    assert 0.0 != first.pinning != second.pinning
     pinned = tuple(Drift(pinning=magnet.pinning) for magnet in drawn.magnets)
     assert drawn.select(("pinning",)) == Drift(magnets=pinned)
     assert drawn.eddy > 0.0
@@ -226,8 +226,8 @@ def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> 
     assert found.level == "yes"
     assert "against the strongest baseline without hysteresis model, less: peak 0." in found.text
     own, play = study.variants["full"], study.variants["play"]
-    quick = tuple(replace(one, settling_50_s=0.0) for one in play.measures)
-    slow = tuple(replace(one, settling_50_s=0.01) for one in own.measures)
+    quick = tuple(replace(measures, settling_50_s=0.0) for measures in play.measures)
+    slow = tuple(replace(measures, settling_50_s=0.01) for measures in own.measures)
     tried = dict(study.variants)
     tried["play"], tried["full"] = replace(play, measures=quick), replace(own, measures=slow)
     beaten = replace(study, variants=tried)

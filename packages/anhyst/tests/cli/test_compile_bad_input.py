@@ -145,7 +145,7 @@ def test_a_model_without_limits(folder: Path) -> None:
             *(
                 ("--accuracy", "0.001", "--io", "q31"),
                 "tables",
-                "the tables of a block hold no more",
+                "the tables of a block cannot be larger",
             ),
             marks=pytest.mark.slow,  # packages/anhyst/tests/compilation/test_compile.py refuses it too
         ),

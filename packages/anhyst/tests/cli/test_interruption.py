@@ -76,7 +76,7 @@ def test_a_search_interrupted_early_writes_nothing(tmp_path: Path, loops: str) -
     printed, message = interrupt(process)
     assert printed == ""
     assert message == (
-        "anhyst: interrupted: too early for a model, nothing written; the same command goes on "
+        "anhyst: interrupted: too early for a model; nothing was written; the same command continues "
         "from there\n"
     )
     left = contents(tmp_path)
@@ -109,7 +109,7 @@ def test_a_search_interrupted_late_writes_the_best_so_far(tmp_path: Path, loops:
     wait_until(process, lambda: has_joined_gaps(tmp_path))
     _, message = interrupt(process)
     assert message.splitlines()[-1] == (
-        "anhyst: interrupted: model.toml holds the best model so far; the same command goes on "
+        "anhyst: interrupted: model.toml contains the best model until then; the same command continues "
         "from there"
     )
     found = read_model(tmp_path / "model.toml")
@@ -135,7 +135,7 @@ def test_a_killed_search_goes_on_to_the_same_model(tmp_path: Path, loops: str) -
     assert not (killed / "model.toml").exists()
     result = quick(*free, cwd=killed)
     assert result.returncode == ended.returncode, result.stderr
-    assert "anhyst: warning: went on from a checkpoint: " in result.stderr
+    assert "anhyst: warning: continued from a checkpoint: " in result.stderr
     assert contents(killed) == contents(whole)
 
 

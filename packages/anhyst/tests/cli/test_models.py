@@ -166,7 +166,7 @@ def test_every_verb_refuses_a_damaged_model(folder: Path, verb: str) -> None:
 def test_several_faults_are_reported_at_once(folder: Path) -> None:
     text = edited("c", "1.5").replace("k_A_per_m", "k").replace("alpha", "alfa")
     message = refused(*VERBS["predict"], cwd=damage(folder, text))
-    assert "; wrong as well: " in message
+    assert "; also wrong: " in message
     assert all(key in message for key in ("parameters.k", "parameters.alfa"))
 
 

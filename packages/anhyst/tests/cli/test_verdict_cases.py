@@ -41,7 +41,7 @@ def test_resonance_is_named_and_its_model_rejected(cases: Path, tmp_path: Path) 
     found = quick("identify", cases / "resonance.csv", "-o", "model.toml", cwd=tmp_path)
     assert found.returncode == 1
     assert sentence in last_line(found.stderr)
-    assert "the fit is done" not in found.stdout
+    assert "the fit is complete" not in found.stdout
     assert (tmp_path / "model.toml").exists()
 
 
@@ -66,7 +66,7 @@ def test_voltage_of_a_coil_is_a_lag_and_its_worst_error_is_named(
     assert "record the current instead" in verdict["sentences"][-1]
     found = quick("identify", cases / "voltage.csv", "-o", "model.toml", cwd=tmp_path)
     assert "record the current instead" in found.stderr
-    assert "the fit is done" not in found.stdout
+    assert "the fit is complete" not in found.stdout
 
 
 def test_table_of_branches_in_one_direction_is_refused_and_the_remedy_works(
@@ -133,7 +133,7 @@ def test_output_that_depends_on_more_than_its_input_is_rejected() -> None:
     result = identify(displacement(other, drive))
     assert "do not use it" in result.rejection
     assert result.model.fit is not None
-    assert "the fit is done" not in result.model.fit.left_over
+    assert "the fit is complete" not in result.model.fit.left_over
 
 
 def test_single_spike_is_named_with_its_place() -> None:
@@ -144,4 +144,4 @@ def test_single_spike_is_named_with_its_place() -> None:
     fit = identify(displacement(output, drive)).model.fit
     assert fit is not None
     assert "sample 334" in fit.left_over
-    assert "the fit is done" not in fit.left_over
+    assert "the fit is complete" not in fit.left_over

@@ -89,5 +89,5 @@ def test_budget_has_a_row_for_the_lag() -> None:
     part = budget.part("rate")
     assert part is not None
     assert part.worst is not None
-    assert "at rest it would be" in part.note
+    assert "without eddy currents it would be" in part.note
     assert part.worst < 0.01 * budget.reference_output

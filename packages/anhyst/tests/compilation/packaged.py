@@ -51,7 +51,7 @@ def recorded(module: Any, compile_: Callable[[], object]) -> Plain:
         return files
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "package_files", keep)
+        patch.setattr(module, "make_package_files", keep)
         compile_()
     return kept[0]
 

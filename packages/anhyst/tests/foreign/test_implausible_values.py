@@ -46,7 +46,7 @@ def test_metres_for_millimetres_warn_once_with_the_likely_unit(known: Model) -> 
     with pytest.warns(ImplausibleWarning) as caught:
         known.predict([0.0, 1.0, 2.0], 0.3)
     assert [str(one.message) for one in caught] == [
-        "gap 0.3 m is 500 times the largest gap the model knows; given in mm?"
+        "gap 0.3 m is 500 times the largest gap of the model; given in mm?"
     ]
     assert caught[0].filename == __file__
     with pytest.warns(ImplausibleWarning, match="given in mm"):

@@ -57,7 +57,7 @@ def test_the_model_reports_how_wide_it_is_and_what_it_costs() -> None:
     assert reported.startswith(f"r_d = {part_of_pinning(given):g}*k")
     change = 100.0 * (rms(given) / rms(without) - 1.0)
     assert float(reported.split()[-2]) == pytest.approx(change, abs=4.0)  # loops weigh alike there
-    assert "not wanted" in str(without.model.provenance.settings["dead_band"])
+    assert "not requested" in str(without.model.provenance.settings["dead_band"])
     for result in (given, without):
         assert result.model.uncertainty is not None
         assert result.model.uncertainty.names[0] == "k/a"

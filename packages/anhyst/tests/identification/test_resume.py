@@ -166,7 +166,7 @@ def test_ctrl_c_leaves_the_best_so_far(samples: int) -> None:
     assert early.interrupted
     assert early.model.gap_map == "scaling"  # the only one joined by then
     assert early.model.provenance.settings["gap_map_reason"] == (
-        "the search was interrupted: this is the best so far"
+        "the search was interrupted: this is the best model so far"
     )
     late = identify(loops, progress=Killer(6))
     assert late.interrupted

@@ -234,7 +234,7 @@ def test_everything_wrong_is_reported_at_once(tmp_path: Path) -> None:
     ]
     lines = [problem.line for problem in caught.value.problems]
     assert lines == sorted(line for line in lines if line)
-    assert f"wrong as well: parameters.a_A_per_m (line {lines[1]})" in str(caught.value)
+    assert f"also wrong: parameters.a_A_per_m (line {lines[1]})" in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* An identified actuator: drive (and gap) to output, flux density and field, as the model's stepper
-   commits; in double precision. Each step of the tool is one sample. */
+/* An identified actuator in double precision: from drive (and gap) to output, flux density and
+ * field, as the stepper of the model. Each step of the tool is one sample. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -12,7 +12,7 @@
 
 enum { DRIVE = 1, SCHEDULE = 2, OUTPUT = ACTUATOR_HAS_SCHEDULE ? 3 : 2, FLUX, FIELD };
 
-/* What surrounds the iron at one value of the scheduling variable. */
+/* Circuit around the iron at one value of the scheduling variable. */
 typedef struct {
   double turns; /* c_H, A/m per unit of the drive */
   double rho;
@@ -35,7 +35,7 @@ typedef struct {
 
 typedef struct {
   anhyst_memory_f64 memory[ACTUATOR_MEMORIES];
-  double flux; /* of the iron, without creep, T */
+  double flux; /* flux density of the iron, without creep, T */
   double slow[ACTUATOR_CREEPS + 1];
   int begun;
 } state_of;
@@ -101,7 +101,7 @@ static int build(void *tables)
 #endif
 }
 
-/* There are no pointers in its state. */
+/* The state contains no pointers. */
 static void relink(const void *tables, void *state)
 {
   (void)tables;
@@ -134,7 +134,8 @@ static double output_of(const surroundings *around, double flux)
   return around->gain * (ACTUATOR_POWER == 2 ? flux * flux : flux) + around->output_zero;
 }
 
-/* What creep adds to the flux density now: each slow part has followed what was before. */
+/* Returns the present contribution of creep to the flux density. Each slow part has followed the
+ * flux density of earlier steps. */
 static double creep(const state_of *state, double seconds, double *slow)
 {
   static const double times[] = ACTUATOR_TIMES;

@@ -1,19 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A magnetic bearing with its position controller: the virtual plant and the controller's own fixed
-   point C in lock-step, as `anhyst simulate` runs them. */
+/* A magnetic bearing with its position controller: the virtual plant and the fixed-point C of the
+ * controller in lock-step, as `anhyst simulate` runs them. */
 #include <math.h>
 
 #include "bearing_controller.h"
 #include "controller_numbers.h"
 #include "virtual_plant.h"
 
-/* From PLANT on as show_plant has it. */
+/* From PLANT on in the order of show_plant. */
 enum { TARGET = 1, LOAD, COMMAND, GAP_READ, REFERENCE, DEMAND, STATE, FLAGS, PLANT };
 
 typedef struct {
   virtual_plant plant;
   CONTROLLER controller;
-  double command; /* of the tick before */
+  double command; /* command of the previous tick */
 } state_of;
 
 static void relink(const void *tables, void *state)

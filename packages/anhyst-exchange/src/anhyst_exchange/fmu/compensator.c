@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A controller's compensator: demand and gap to current, in the fixed-point C of the controller. */
+/* The compensator of a controller: from demand and gap to current, with the fixed-point C of the
+ * controller. */
 #include <math.h>
 
 #include "anhyst/compensator/compensator.h"
@@ -28,7 +29,7 @@ static int start(const void *tables, void *state, double *values)
              : -1;
 }
 
-/* A signal as a fraction in q31, to the nearest; beyond its ends the ends. */
+/* Returns the nearest q31 code of a fraction; larger values saturate. */
 static int32_t code_of(double fraction)
 {
   const double scaled = rint(fraction * ONE_Q31);

@@ -8,18 +8,18 @@
 #include "part.h"
 #include "part_values.h"
 
-#define ROUNDING 1e-6 /* of a tick: times are sums of steps */
+#define ROUNDING 1e-6 /* in ticks: times are sums of steps */
 #define FIRST_OUTPUT (1 + PART_INPUTS)
 
-/* Begins a row of bytes that the state of the part follows. */
+/* Head of a byte array; the state of the part follows it. */
 typedef union {
   struct {
     anhyst_phase phase;
-    double start;               /* of the ticks, s */
-    double ticks;               /* done since the start; whole */
+    double start;               /* time of the first tick, s */
+    double ticks;               /* ticks done since the start; an integer */
     double values[PART_VALUES]; /* the time, inputs, outputs, constants */
   } of;
-  long double widest; /* what follows is aligned for anything */
+  long double widest; /* aligns the state that follows for any type */
 } moment;
 
 struct anhyst_component {
@@ -63,7 +63,7 @@ void anhyst_component_free(anhyst_component *component)
   free(component);
 }
 
-/* At time 0, with the inputs as they are. */
+/* Sets the state at time 0, with the present inputs. */
 static const char *start(anhyst_component *component)
 {
   moment *now = component->now;

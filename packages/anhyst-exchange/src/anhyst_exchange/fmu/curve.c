@@ -7,7 +7,7 @@
 
 #define LARGEST_LOGARITHM 700.0 /* exp overflows at 709.8 */
 
-/* Cubic Hermite curve; a straight line where there are but two nodes. */
+/* Cubic Hermite curve; a straight line if there are only two nodes. */
 static double between(const anhyst_curve *c, double at)
 {
   int place = 0;
@@ -53,7 +53,7 @@ int anhyst_curve_at(const anhyst_curve *curve, double at, double *value)
     return 0;
   }
   for (i = 0; i <= last; i++) {
-    if (at == curve->node[i]) { /* through a logarithm and back costs the last digit */
+    if (at == curve->node[i]) { /* a logarithm and its inverse change the last digit */
       *value = curve->value[i];
       return 0;
     }

@@ -13,7 +13,7 @@ typedef struct {
   char name[64];
 } instance;
 
-/* OK where there is nothing to say; otherwise says it. */
+/* Returns OK if there is no text; otherwise logs the text and returns the status of an error. */
 static fmi2Status verdict(const void *c, const char *why)
 {
   const instance *self = (const instance *)c;
@@ -85,7 +85,7 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean defined, fmi2Real to
   return verdict(c, anhyst_component_begin(of(c), start));
 }
 
-/* The experiment need not be set up: then it begins at 0. */
+/* A tool may leave out the set-up of the experiment; then it begins at 0. */
 fmi2Status fmi2EnterInitializationMode(fmi2Component c)
 {
   return verdict(c, anhyst_component_is(of(c), ANHYST_PHASE_INITIALISING)
@@ -113,7 +113,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference at[], size_t n,
   return verdict(c, anhyst_component_set(of(c), at, n, value));
 }
 
-/* There are no variables of these kinds. */
+/* The component has no variables of these types. */
 #define NO_VARIABLES(kind, type)                                                                   \
   fmi2Status fmi2Get##kind(fmi2Component c, const fmi2ValueReference at[], size_t n, type value[]) \
   {                                                                                                \
@@ -208,7 +208,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real now, fmi2Real step, fmi2Boolean 
 
 fmi2Status fmi2CancelStep(fmi2Component c) { return verdict(c, "no step is ever pending"); }
 
-/* Steps are done when they return. */
+/* A step is complete when it returns. */
 #define NO_STATUS(kind, type)                                                                      \
   fmi2Status fmi2Get##kind(fmi2Component c, const fmi2StatusKind what, type *value)                \
   {                                                                                                \

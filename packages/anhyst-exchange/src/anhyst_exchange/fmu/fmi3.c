@@ -12,7 +12,7 @@ typedef struct {
   fmi3InstanceEnvironment environment;
 } instance;
 
-/* OK where there is nothing to say; otherwise says it. */
+/* Returns OK if there is no text; otherwise logs the text and returns the status of an error. */
 static fmi3Status verdict(const void *c, const char *why)
 {
   const instance *self = (const instance *)c;
@@ -88,7 +88,7 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean defined, fmi3
   return verdict(c, anhyst_component_begin(of(c), start));
 }
 
-/* Modes that this component is always ready to enter or leave. */
+/* This component can always enter and leave these modes. */
 #define NOTHING_TO_DO(name)                                                                        \
   fmi3Status name(fmi3Instance c) { return c == NULL ? fmi3Error : fmi3OK; }
 
@@ -107,7 +107,7 @@ fmi3Status fmi3Terminate(fmi3Instance c) { return verdict(c, anhyst_component_en
 
 fmi3Status fmi3Reset(fmi3Instance c) { return verdict(c, anhyst_component_reset(of(c))); }
 
-/* All variables are single numbers. */
+/* All variables are scalars. */
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference at[], size_t n,
                           fmi3Float64 value[], size_t values)
 {
@@ -125,7 +125,7 @@ static fmi3Status none(const void *c, size_t n)
   return verdict(c, n == 0 ? NULL : "no such variable");
 }
 
-/* There are no variables of these kinds. */
+/* The component has no variables of these types. */
 #define NO_VARIABLES(kind)                                                                         \
   fmi3Status fmi3Get##kind(fmi3Instance c, const fmi3ValueReference at[], size_t n,                \
                            fmi3##kind value[], size_t values)                                      \
@@ -281,7 +281,7 @@ fmi3Status fmi3GetOutputDerivatives(fmi3Instance c, const fmi3ValueReference at[
   return none(c, n);
 }
 
-/* There are no clocks. */
+/* The component has no clocks. */
 fmi3Status fmi3GetIntervalDecimal(fmi3Instance c, const fmi3ValueReference at[], size_t n,
                                   fmi3Float64 value[], fmi3IntervalQualifier kind[])
 {

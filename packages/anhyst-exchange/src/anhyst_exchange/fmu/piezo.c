@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A piezo stage with its controller as `anhyst simulate` runs them: the inverse of its hysteresis
-   in fixed point, the integrator behind a notch filter in double precision. */
+/* A piezo stage with its controller as `anhyst simulate` runs them: the inverse model of its
+ * hysteresis in fixed point, the integrator and a notch filter in double precision. */
 #include "anhyst_plant/piezo.h"
 
 #include <math.h>
@@ -33,7 +33,7 @@ static const int16_t words[] = PIEZO_WORDS;
 
 typedef struct {
   anhyst_piezo_state stage;
-  double command; /* V, at the next tick */
+  double command; /* command for the next tick, V */
   anhyst_force_controller_q31 inverse;
   anhyst_biquad_state_f64 filtered[PIEZO_FILTER_COUNT];
   anhyst_biquad_state_f64 integral;
@@ -68,11 +68,12 @@ static int start(const void *tables, void *state, double *values)
       ANHYST_OK) {
     return -1;
   }
-  (void)anhyst_force_controller_commit_q31(&now->inverse, 0, 0); /* the stack is at 0 V for long */
+  (void)anhyst_force_controller_commit_q31(&now->inverse, 0, 0); /* after a long time at 0 V */
   return 0;
 }
 
-/* What of the reference should show by now, straight between its ticks as in the simulation. */
+/* Returns the reference that the sensor should show now, interpolated linearly between ticks as in
+ * the simulation. */
 static double expected(const state_of *now)
 {
   const double at = PIEZO_TICK_S * now->ticks - PIEZO_LATENESS_S;
@@ -108,7 +109,7 @@ static const char *tick(const void *tables, void *state, double *values, double 
   int i;
   (void)seconds;
   for (i = REFERENCE; i <= NOISE; i++) {
-    if (!(fabs(values[i]) <= 1.0)) { /* the integral would not come back from it */
+    if (!(fabs(values[i]) <= 1.0)) { /* the integral could not recover from such a value */
       return "a reference, a load and a noise are at most 1 m";
     }
   }

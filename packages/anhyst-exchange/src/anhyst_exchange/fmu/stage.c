@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A stage with its controller: the virtual plant and the controller in lock-step, as `anhyst
-   simulate` runs them. */
+ * simulate` runs them. */
 #include <math.h>
 #include <string.h>
 
 #include "stage_controller.h"
 #include "virtual_plant.h"
 
-/* A number a coordinate, of GAP_READ one a gap sensor; from PLANT on as show_plant has it. */
+/* One value per coordinate (GAP_READ: per gap sensor); from PLANT on in the order of show_plant. */
 enum {
   AXES = BEARING_COORDINATES,
   REFERENCE = 1,
@@ -28,8 +28,8 @@ enum {
 typedef struct {
   virtual_plant plant;
   anhyst_stage_controller controller;
-  double frame[AXES]; /* where the long stroke is, m and rad */
-  double command;     /* of the tick before */
+  double frame[AXES]; /* position of the long stroke, m and rad */
+  double command;     /* command of the previous tick */
 } state_of;
 
 static void relink(const void *tables, void *state)
@@ -46,7 +46,7 @@ static void show(const state_of *now, double *values)
   }
 }
 
-/* The pose that the position heads behind the gap sensors tell. */
+/* Returns a coordinate of the pose from the position heads, which follow the gap sensors. */
 static double position_read(const double *record, int i)
 {
   static const double see[] = STAGE_SEE;
@@ -61,7 +61,7 @@ static double position_read(const double *record, int i)
 static int start(const void *tables, void *state, double *values)
 {
   const double rest[AXES] = {0.0};
-  double middle[AXES]; /* position 0, where all magnets are in the middle of their gaps */
+  double middle[AXES]; /* position 0: all magnets in the middle of their gaps */
   state_of *now = (state_of *)state;
   relink(tables, state);
   if (!start_plant(&now->plant)) {

@@ -1,4 +1,4 @@
-"""The verb ``export``: a model or a rig for other tools."""
+"""The command ``export``: export a model or a rig for other tools."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 PLACE = 25, "Use a model"
 
 Form = Literal["fmu", "simulink", "lut"]
-"""What a model is exported as."""
+"""Forms of the export: FMU, S-function, or tables."""
 Of = Literal["compensator", "actuator"]
-"""What of a model is exported."""
+"""Part of a model that is exported."""
 Kind = Literal["full", "simplified"]
 """Kinds of compensator."""
 FmiVersion = Literal["2.0", "3.0"]
-"""Versions of the standard."""
+"""Versions of the FMI standard."""
 
 
 def export(

@@ -1,4 +1,4 @@
-"""The page of plants that have drifted, whichever rig they are, and its figure."""
+"""The page and the figure of a Monte Carlo study: plants of any kind of rig with random drift."""
 
 from __future__ import annotations
 
@@ -41,15 +41,13 @@ from anhyst_rigs.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantF
 
 
 def terminal_summary(runs: MonteCarlo) -> TerminalSummary:
-    """Return what a terminal shows of a Monte Carlo."""
-    count = (
-        f"{len(runs.drifts)} plants, seed {runs.plants.seed}; judged is '{runs.plants.own_method}'"
-    )
+    """Return the terminal output of a Monte Carlo study."""
+    count = f"{len(runs.drifts)} plants, seed {runs.plants.seed}; evaluated is '{runs.plants.own_method}'"
     return TerminalSummary([percentile_table(runs)], [count])
 
 
 def render(runs: MonteCarlo, files: Sequence[Path], command: str) -> str:
-    """Return the page of a Monte Carlo."""
+    """Return the page of a Monte Carlo study."""
     sections = [_drift_section(runs), origin_section(file_hashes(files), command, runs.plants.seed)]
     return page_text("Drifted plants", _headline(runs), sections)
 
@@ -63,17 +61,17 @@ def _headline(runs: MonteCarlo) -> Headline:
     lost = any(runs.lost_count(name) for name in runs.runs)
     return Headline(
         title=file.name,
-        description=f"{len(runs.drifts)} plants of {file.kind.title}, each with a noise of its own, "
-        f"whose properties are off by chance: {_spread_text(runs)} (standard deviations). What "
-        "controls them was made for the nominal one and knows nothing of it.",
-        basis=f"Simulated, seed {runs.plants.seed}; all variants meet the same plants.",
+        description=f"{len(runs.drifts)} plants of {file.kind.title}, each with its own noise, "
+        f"whose properties have random deviations: {_spread_text(runs)} (standard deviations). Their "
+        "controllers were designed for the nominal plant.",
+        basis=f"Simulated, seed {runs.plants.seed}; all variants control the same plants.",
         notes=(
             verdict_note(runs.verdict),
             Note("bad" if lost else "good", "Plants lost", f"{'; '.join(counts)}."),
         ),
         tiles=(),
         comparison=None,
-        validity="These figures hold for these plants, and for no other spread.",
+        validity="These figures apply only to this spread.",
     )
 
 
@@ -100,17 +98,16 @@ def _drift_section(runs: MonteCarlo) -> Section:
     shown = picture(
         figure_drift(spreads),
         "drift",
-        "Shares of plants that stay below a figure, with percentiles marked: "
-        f"{', '.join(spreads)}.",
+        f"Distribution of figures over the plants, with percentiles marked: {', '.join(spreads)}.",
         "Share of plants below each figure; dots at "
-        f"{', '.join(str(part) for part in PERCENTILES)} %. A plant that is lost counts as "
-        "infinitely bad.",
+        f"{', '.join(str(part) for part in PERCENTILES)} %. A lost plant counts as "
+        "infinite.",
     )
     return Section("drift", "Drifted plants", (shown, percentile_table(runs), _worst_plants(runs)))
 
 
 def percentile_table(runs: MonteCarlo) -> PageTable:
-    """Return what so many per cent of the plants stay below, figure by figure."""
+    """Return a table of percentiles over the plants, for each figure and variant."""
     rows = [
         [_figure_title(figure, case), name, *(format_number(value, 3) for value in percentiles)]
         for figure in runs.plants.figures
@@ -128,7 +125,7 @@ def _figure_title(figure: PlantFigure, case: str) -> str:
 
 
 def _worst_plants(runs: MonteCarlo) -> Items:
-    """Say what the worst plants of a variant have in common with nobody else: their drift."""
+    """Return the worst plant of each case of the first figure, with its drift."""
     figure, own = runs.plants.figures[0], runs.plants.own_method
     rows = []
     for case, name in enumerate(figure.case_names):
@@ -153,9 +150,9 @@ def _drift_text(drift: Drift) -> str:
 
 @use_report_style
 def figure_drift(spreads: Mapping[str, Mapping[MethodName, FloatArray]]) -> Figure:
-    """Draw the share of plants that stay below a figure, by its title, with percentiles marked.
+    """Draw the distribution of figures over the plants, with percentiles marked.
 
-    Of every variant there is a value a plant, infinite where the plant failed.
+    Each variant has one value per plant. It is infinite if the plant failed.
     """
     figure = new_figure(3.4 * -(-len(spreads) // 3) + 0.4)
     axes = create_panels(figure, len(spreads))

@@ -1,4 +1,4 @@
-"""The verb ``excite``: loops measured on a rig."""
+"""The command ``excite``: measure loops on a rig."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def excite(
 
     if calibrate:
         if folder or xcp or port:
-            text = "--calibrate: flies the virtual stage; leave --folder, --xcp and --port out"
+            text = "--calibrate: uses the simulated stage; leave out --folder, --xcp and --port"
             raise InputError(text, code="option-not-for-this", key="--calibrate")
         return excite_to_calibrate(rig, out, plot=plot)
     check_path(rig, "excite: rig", "the path of a rig file")
@@ -112,7 +112,7 @@ def excite(
         check_picture(plot)
     url = controller_url(xcp, port)
     if (url is None) is not (folder is None):
-        text = "--folder: goes together with --xcp or --port, and they with it"
+        text = "--folder: needs --xcp or --port, and these need --folder"
         raise InputError(text, code="options-missing", key="--folder")
     connection = None if folder is None or url is None else measure_through_board(folder, url)
     excitation = work(rig, out, progress, connection)
@@ -122,7 +122,7 @@ def excite(
 
 
 def show(result: Excitation | CalibratingMove, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return what the drive reached, or what the motion shows, and what was written."""
+    """Return the terminal output: the drives or the effect of the motion, and the files written."""
     from anhyst_rigs.study.excite.excite import Excitation
 
     if isinstance(result, Excitation):
@@ -142,7 +142,7 @@ def _show_excitation(excitation: Excitation) -> Iterator[OutputPart]:
     specimen, unit = excitation.specimen, excitation.specimen.units[0]
     gap = ["gap mm"] if specimen.gaps else []
     reached, factor = ("force N", 1.0) if specimen.gaps else ("stroke µm", 1e6)
-    heads = [*gap, f"largest {unit}", reached, f"about {unit}", "limited by"]
+    heads = [*gap, f"largest {unit}", reached, f"operating point {unit}", "limited by"]
     table = TerminalTable(
         f"{count_text(figures['loops'], 'loop')}, {figures['samples']} samples", heads
     )
@@ -156,9 +156,11 @@ def _show_excitation(excitation: Excitation) -> Iterator[OutputPart]:
         )
     minutes = figures["duration_s"] / 60.0
     warmth = figures["warmth"]
-    warmth_text = "" if warmth is None else f", I^2 t at most {100.0 * warmth:.0f} % of what trips"
+    warmth_text = (
+        "" if warmth is None else f", I^2 t at most {100.0 * warmth:.0f} % of the trip level"
+    )
     yield table
-    yield f"{minutes:.1f} min of measuring, {figures[f'rate_{unit}_per_s']:.4g} {unit}/s{warmth_text}"
+    yield f"{minutes:.1f} min of measurement, {figures[f'rate_{unit}_per_s']:.4g} {unit}/s{warmth_text}"
     yield from (f"note: {note}" for note in excitation.notes)
 
 
@@ -171,7 +173,7 @@ def _show_move(result: CalibratingMove) -> Iterator[OutputPart]:
     kinds: dict[str, list[str]] = {}
     for name in move.left:
         kinds.setdefault(re.sub(r"_(\d+|[xyz](?=_m))", "", name), []).append(name)
-    heads = ["left of what is stated", "after the move", "after its own set-point"]
+    heads = ["posterior / prior sigma", "this motion", "own set-point"]
     table = TerminalTable(f"{move.duration_s:.2f} s", heads)
     for kind, names in kinds.items():
         sigma_ratios = [
@@ -187,9 +189,9 @@ def _show_move(result: CalibratingMove) -> Iterator[OutputPart]:
     for axis, leg in result.legs.items():
         peaks = ", ".join(f"{one:.3g}" for one in leg.peaks)
         yield f"{axis}: {peaks} m/s2 at {leg.speed:.3g} m/s"
-    yield f"stays hidden: {', '.join(move.hidden) or 'nothing'}"
+    yield f"not identifiable: {', '.join(move.hidden) or 'nothing'}"
     yield (
-        f"its own set-point hides {hidden_by_setpoint}"
+        f"with the own set-point, not identifiable either: {hidden_by_setpoint}"
         if hidden_by_setpoint
-        else "its own set-point shows as much"
+        else "the own set-point identifies the same parameters"
     )

@@ -1,4 +1,4 @@
-"""The verb ``fleet``: many magnets of one type."""
+"""The command ``fleet``: identify, compile and evaluate many magnets of one type."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ PROGRESS = "magnets"
 REPORT_NAME = "report.html"
 
 Kind = Literal["full", "simplified"]
-"""Kinds of compensator that are made from a model alone."""
+"""Kinds of compensator that need only a model."""
 Io = Literal["q15", "q31", "f32"]
-"""Formats of the signals."""
+"""Number formats of the demand, the gap and the current."""
 
 
 def fleet(
@@ -116,13 +116,13 @@ def fleet(
 
 
 def warnings(result: Fleet) -> Iterator[str]:
-    """Return what a user should know, and which magnets could not be evaluated."""
+    """Return the warnings, and the reason for each magnet that could not be evaluated."""
     yield from result.warnings
     yield from (f"{name}: {why}" for name, why in result.failed.items())
 
 
 def show(result: Fleet, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return the scatter of the parameters and the number of good magnets."""
+    """Return the terminal output: the scatter of the parameters and the number of good magnets."""
     from anhyst_rigs.reports.fleet import scatter_table
 
     out = given["out"]

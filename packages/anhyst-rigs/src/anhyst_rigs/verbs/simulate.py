@@ -1,4 +1,4 @@
-"""The verb ``simulate``: a rig of any kind, with and without compensation."""
+"""The command ``simulate``: simulate a rig of any kind, with and without compensation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 PLACE = 32, "Rigs, simulated and real"
 
 Board = Literal["library", "host", "qemu-mps2"]
-"""Boards without hardware."""
+"""Boards that need no hardware."""
 
 
 @overload
@@ -142,12 +142,12 @@ def simulate(
     switches = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
     chosen = [name for name, value in switches.items() if value]
     if len(chosen) > 1:
-        text = f"{' and '.join(chosen)} do not go together; give one of them"
+        text = f"{' and '.join(chosen)} exclude each other; give one of them"
         raise InputError(text, code="options-together", key=chosen[0])
     kind = require_rig(rig, "simulate")
     kind.refuse_options("simulate", {"--controller": controller, "--board": board})
     if out is None and chosen:
-        raise InputError(f"{chosen[0]}: needs a place to write to", code="missing", key="--out")
+        raise InputError(f"{chosen[0]}: needs an output file", code="missing", key="--out")
     task = SimulationTask(rig, controller, Path(out or "-"), out is not None, progress)
     with use_scheduler(scheduler):
         if monte_carlo is not None:
@@ -160,13 +160,13 @@ def simulate(
 
 
 def warnings(result: Studied) -> Sequence[str]:
-    """Return what the loops say about the plant."""
+    """Return the warnings about the simulated plant that the loops give rise to."""
     plant = getattr(result, "plant", None)
     return getattr(plant, "warnings", ())
 
 
 def show(result: Studied, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return what a terminal shows of the study, whichever it is."""
+    """Return the terminal output of the study."""
     from anhyst.support.kinds import require_capability, rig_kinds
     from anhyst_rigs.reports import plants
     from anhyst_rigs.reports.studies import HasSimulation, study_output
@@ -188,7 +188,7 @@ def show(result: Studied, given: Mapping[str, Any]) -> Iterator[OutputPart]:
 
 
 def refuse(result: Studied, _: Mapping[str, Any]) -> None:
-    """Raise NegativeResult if something was lost."""
+    """Raise NegativeResult if levitation, a force or a position was lost."""
     from anhyst_rigs.study.bearing.on_board import BoardComparison
     from anhyst_rigs.study.benefit import Benefit
 
@@ -212,14 +212,14 @@ def _fault_table(endings: Sequence[FaultOutcome]) -> TerminalTable:
     from anhyst.cli.printing import TerminalTable
 
     rows = TerminalTable(
-        "what went wrong in the air, and how it ended",
-        ["", "reason of the fault", "end", "after, ms", "at the rest, mm/s", "at the magnet, mm/s"],
+        "faults injected during levitation, and their outcome",
+        ["", "reported fault", "outcome", "after, ms", "at the stop, mm/s", "at the magnet, mm/s"],
     )
     for ending in endings:
         end = (
-            f"levitates on, {1e6 * ending.max_deviation:.2g} um away"
+            f"keeps levitating, {1e6 * ending.max_deviation:.2g} um away"
             if ending.is_levitating
-            else "lies without current"
+            else "landed without current"
         )
         rows.add_row(
             ending.injection.name,
@@ -236,15 +236,13 @@ def _fault_table(endings: Sequence[FaultOutcome]) -> TerminalTable:
 def _show_map(benefit: Benefit, out: Path) -> Iterator[OutputPart]:
     from anhyst_rigs.reports.study.page import REPORT_NAME
 
-    baselines = {
-        "its strongest baseline without memory": [cell.strongest for cell in benefit.cells]
-    }
+    baselines = {"the strongest single-valued baseline": [cell.strongest for cell in benefit.cells]}
     if all(cell.flux for cell in benefit.cells):
-        baselines["'flux', which measures"] = [cell.flux for cell in benefit.cells]
+        baselines["'flux' (measured flux density)"] = [cell.flux for cell in benefit.cells]
     yield from (_map_table(benefit, name, compared) for name, compared in baselines.items())
     yield (
-        f"'gain' and 'loss' where they are certain over {benefit.seeds} noise seeds, 'nothing to "
-        "gain' where both overshoot a step by less than three times the rms of their standstill"
+        f"'gain' and 'loss' are significant over {benefit.seeds} noise seeds, 'nothing to "
+        "gain': both overshoot a step by less than three times the rms of their standstill"
     )
     yield f"written: {out}, {out.parent / REPORT_NAME}"
 

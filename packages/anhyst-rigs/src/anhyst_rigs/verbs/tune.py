@@ -1,4 +1,4 @@
-"""The verb ``tune``: gains of a rig for stated requirements."""
+"""The command ``tune``: find the gains of a rig for stated requirements."""
 
 from __future__ import annotations
 
@@ -133,19 +133,19 @@ def tune(
 
 
 def warnings(result: Tuning) -> tuple[str, ...]:
-    """Return what the loops say about the plant."""
+    """Return the warnings about the simulated plant that the loops give rise to."""
     return tuple(result.plant.warnings) if result.plant else ()
 
 
 def as_json(result: Tuning, _: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the result for JSON."""
+    """Return the result for ``--json``."""
     from anhyst_rigs.study.tuning.result import result_dict
 
     return result_dict(result)
 
 
 def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return what was reached, what limits it, and what was written."""
+    """Return the terminal output: the figures reached, their limits, and the files written."""
     from anhyst.cli.printing import TerminalTable
     from anhyst_rigs.study.tuning.result import column_heads, format_aims, table_rows, verdict_text
 
@@ -155,7 +155,7 @@ def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[OutputPart]:
         reached.add_row(*row[: len(head)])
     yield reached
     yield (
-        f"worst of all conditions, mean of {result.rig.settings.noise_seeds} noise seeds with its "
+        f"worst of all conditions; mean of {result.rig.settings.noise_seeds} noise seeds with its "
         "95 % interval"
     )
     for name, tuned in result.tuned.items():
@@ -171,12 +171,12 @@ def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[OutputPart]:
 
 
 def refuse(result: Tuning, _: Mapping[str, Any]) -> None:
-    """Raise an error if the search was interrupted or requirements were missed."""
+    """Raise an error if the search was interrupted or if a requirement is not fulfilled."""
     from anhyst.support.errors import Interrupted, NegativeResult
     from anhyst_rigs.study.tuning.result import describe_shortfall
 
     if result.interrupted:
         written_paths = ", ".join(str(path) for path in result.written.values())
-        raise Interrupted(f"the best so far, not checked, is in {written_paths}")
+        raise Interrupted(f"the best gains until then, not checked, are in {written_paths}")
     if (missed := describe_shortfall(result)) is not None:
         raise NegativeResult(missed, code="aims-missed")

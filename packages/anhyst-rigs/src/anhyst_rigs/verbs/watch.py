@@ -1,4 +1,4 @@
-"""The verb ``watch``: whether a model still fits its magnet."""
+"""The command ``watch``: check whether a model still fits its magnet."""
 
 from __future__ import annotations
 
@@ -59,17 +59,19 @@ def watch(
 
 
 def show(result: WatchResult, given: Mapping[str, Any]) -> list[str]:
-    """Return what a terminal shows."""
+    """Return the terminal output."""
     is_known = result.finding.drift is None and not result.finding.is_learning
     return [str(result)] if is_known else []
 
 
 def refuse(result: WatchResult, given: Mapping[str, Any]) -> None:
-    """Raise NegativeResult if the model has drifted."""
+    """Raise NegativeResult if the model has drifted, InputError if the recording is too short."""
     from anhyst.support.errors import InputError, NegativeResult
 
     if result.finding.drift is not None:
         raise NegativeResult(str(result), code="drifted")
     if result.finding.is_learning:
         recording = given["recording"]
-        raise InputError(f"{recording}: too short to say: {result}; record more", code="too-short")
+        raise InputError(
+            f"{recording}: too short for a result: {result}; record more cycles", code="too-short"
+        )

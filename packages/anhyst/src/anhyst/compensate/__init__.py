@@ -1,1 +1,1 @@
-"""From a model or loops to a compensator: the current that a force needs, sample by sample."""
+"""Calculate the current of an actuator for a demanded output, from a model or from measured loops."""

@@ -1,9 +1,9 @@
-"""The accuracy budget: what each step from model to C costs, alone and together, measured.
+"""Measure the accuracy budget: the error of each step from the model to C.
 
-The compensator's currents go through the exact model in double precision; what comes out is
-compared with what was demanded, over nested loops, random reversals, full-range jumps in one
-sample and a moving gap, all of it on other paths than those the plan was made on. That is while the
-demand travels; what becomes of one that is held is measured apart (:mod:`.output_drift`).
+The currents of the compensator are applied to the exact model in double precision. The error is the
+output minus the demand, over nested loops, random reversals, full-range jumps in one sample, and a
+moving gap. These paths differ from those of the search. The drift of a held demand is measured
+separately (:mod:`.output_drift`).
 """
 
 from __future__ import annotations
@@ -26,29 +26,26 @@ from anhyst.support.numeric import FloatArray, rms
 class Budget:
     """Measured error budget of a compensator."""
 
-    reference_output: float  # output to which per cent refer
-    unit: str  # of the output
-    required: (
-        float | None
-    )  # accuracy that was asked for, in units of the output; None where none was
-    parts: tuple[BudgetPart, ...]  # each switched on alone
-    compiled: BudgetPart  # everything that compiling adds, switched on together
-    # all parts: worst ones added up, which no path need ever reach; rms as a root of squares
+    reference_output: float  # output that is 100 %
+    unit: str  # unit of the output
+    required: float | None  # requested accuracy, in units of the output; None: none was requested
+    parts: tuple[BudgetPart, ...]  # errors of the steps, each switched on alone
+    compiled: BudgetPart  # error of all compilation steps together
+    # sum of compiled, sample rate, rate and model fit: worst errors are added, which no path need
+    # reach; rms values are added in quadrature
     total: BudgetPart
-    drift: (
-        BudgetPart  # of an output that is held, in :data:`~anhyst.compensate.output_drift.SECONDS`
-    )
-    held_demands: tuple[HeldDemand, ...]  # what was held for that
-    # the paths with everything switched on, and the deviation along each
+    drift: BudgetPart  # drift of a held output within `HOLD_TIME_S`
+    held_demands: tuple[HeldDemand, ...]  # all held demands
+    # runs of the compiled block, and the error along each
     runs: tuple[tuple[PathRun, FloatArray], ...]
 
     def part(self, name: str) -> BudgetPart | None:
-        """Return the part of this name, or None."""
+        """Return the part with a name, or None."""
         return next((part for part in self.parts if part.name == name), None)
 
 
 def measure_budget(plan: Plan) -> Budget:
-    """Measure what a plan costs."""
+    """Measure the error budget of a plan."""
     fit = _model_fit_part(plan)
     trial = CompensatorTrial(plan.builder, plan.sizes, plan.block, plan.static_block)
     compiled = trial.measure_compiled()
@@ -60,7 +57,7 @@ def measure_budget(plan: Plan) -> Budget:
         "total",
         sum(part.worst or 0.0 for part in summed_parts),
         float(np.sqrt(sum((part.rms or 0.0) ** 2 for part in summed_parts))),
-        "compiled, sample rate and model fit: worst ones added up, rms as a root of squares",
+        "sum of compiled, sample rate and model fit: worst errors added, rms added in quadrature",
     )
     accuracy = plan.request.accuracy
     required = None if accuracy is None else accuracy / 100.0 * plan.reference_output
@@ -86,7 +83,7 @@ def _drift_part(held: Sequence[HeldDemand], model: Model) -> BudgetPart:
         f"drift of a held {model.output.name.replace('_', ' ')} in {HOLD_TIME_S:g} s",
         worst.drift,
         rms(drifts),
-        f"on top of that, at rest and under small movements; worst at {worst.demand:.3g} "
+        f"in addition to compiled, at standstill and with small movements; worst at {worst.demand:.3g} "
         f"{model.output.unit} while {worst.title}",
     )
 
@@ -94,22 +91,24 @@ def _drift_part(held: Sequence[HeldDemand], model: Model) -> BudgetPart:
 def _model_fit_part(plan: Plan) -> BudgetPart:
     fit = plan.model.fit
     if fit is None:
-        return BudgetPart("model_fit", "model fit", None, None, "the model file has no fit figures")
-    note = "model against the measured loops, as the model file says"
+        return BudgetPart(
+            "model_fit", "model fit", None, None, "the model file contains no fit errors"
+        )
+    note = "deviation of the model from the measured loops, from the model file"
     return BudgetPart("model_fit", "model fit", fit.worst, fit.rms, note)
 
 
 ADVICE = {
-    "law": "a straight anhysteretic curve comes no nearer",
-    "tables": "the tables of a block hold no more",
-    "quantisation": "its words hold no more",
+    "law": "a straight anhysteretic curve cannot be more accurate",
+    "tables": "the tables of a block cannot be larger",
+    "quantisation": "its words have no more bits",
     "gap_interpolation": "narrow the range of the gap in the model's [valid]",
 }
-"""Why a part cannot be smaller, or what helps."""
+"""Reason why a part cannot be smaller, or a remedy."""
 
 
 def is_within_allowance(plan: Plan, budget: Budget) -> bool:
-    """Whether formats and tables cost no more than they may, on the paths of the budget."""
+    """Whether formats and tables keep the allowance on the paths of the budget."""
     tables = budget.part("tables")
     assert tables is not None
     evaluated = budget.compiled if plan.request.kind == "full" else tables
@@ -117,7 +116,7 @@ def is_within_allowance(plan: Plan, budget: Budget) -> bool:
 
 
 def is_drift_allowed(plan: Plan, budget: Budget) -> bool:
-    """Whether a held output drifts by no more than what is compiled may be off."""
+    """Whether the drift of a held output is within the requested accuracy or the allowance."""
     return (budget.drift.worst or 0.0) <= _max_drift(plan, budget)
 
 
@@ -126,7 +125,7 @@ def _max_drift(plan: Plan, budget: Budget) -> float:
 
 
 def explain_drift(plan: Plan, budget: Budget) -> str:
-    """Report how far a held output drifts, and what helps."""
+    """Return a sentence with the drift of a held output and the remedy."""
     drift, part = percent(budget, budget.drift.worst or 0.0), budget.drift
     return (
         f"{part.title}: {drift:.2g} % of the largest output ({part.note.partition('; ')[2]}), more "
@@ -136,10 +135,10 @@ def explain_drift(plan: Plan, budget: Budget) -> str:
 
 def _advise_drift(plan: Plan) -> str:
     if plan.request.kind != "full":
-        return "this law has no dead band that would hold it; compile with --kind full"
+        return "this law has no dead band against drift; compile with --kind full"
     dead_bands = plan.model.operator_law.with_role("dead band")
     if not dead_bands:
-        return "the tables are too coarse for it; ask for a smaller --accuracy"
+        return "the tables are too coarse; request a smaller --accuracy"
     if not any(np.any(plan.model.parameters[spec.name]) for spec in dead_bands):
         return (
             "the model has no dead band (r_d = 0); identify it again from its loops, or set r_d in "
@@ -149,7 +148,7 @@ def _advise_drift(plan: Plan) -> str:
 
 
 def drift_error(plan: Plan, budget: Budget) -> NegativeResult:
-    """Return the message where an output between ticks breaks the wanted accuracy."""
+    """Return the error for a drift that exceeds the requested accuracy."""
     return NegativeResult(
         f"accuracy: {explain_drift(plan, budget)}; nothing was written",
         code="model-drifts",
@@ -158,18 +157,18 @@ def drift_error(plan: Plan, budget: Budget) -> NegativeResult:
 
 
 def largest_part(budget: Budget) -> BudgetPart:
-    """Return the largest of the parts that compiling adds."""
+    """Return the largest part that compilation adds."""
     compiled_parts = [part for part in budget.parts if part.name in ADVICE]
     return max(compiled_parts, key=lambda part: part.worst or 0.0)
 
 
 def is_accuracy_reached(budget: Budget) -> bool:
-    """Whether what is compiled is as accurate as it was asked to be."""
+    """Whether the compiled block has the requested accuracy."""
     return budget.required is None or (budget.compiled.worst or 0.0) <= budget.required
 
 
 def accuracy_error(budget: Budget, better_options: str) -> NegativeResult:
-    """Return the message for an accuracy not kept: which part of the budget breaks it, what to change."""
+    """Return the error for an accuracy that is not reached, with the largest part and a remedy."""
     assert budget.required is not None
     reached, part = budget.compiled.worst or 0.0, largest_part(budget)
     advice = f"compile with {better_options}" if better_options else ADVICE[part.name]
@@ -177,8 +176,8 @@ def accuracy_error(budget: Budget, better_options: str) -> NegativeResult:
     reachable_percent = np.ceil(percent(budget, reached) / decade * 10.0) / 10.0 * decade
     return NegativeResult(
         f"accuracy: {percent(budget, reached):.3g} % of the largest output is reached, "
-        f"{percent(budget, budget.required):.3g} % was asked for; the largest part is "
-        f"{part.title}, {percent(budget, part.worst or 0.0):.3g} %: {advice}, or ask for "
+        f"{percent(budget, budget.required):.3g} % was requested; the largest part is "
+        f"{part.title}, {percent(budget, part.worst or 0.0):.3g} %: {advice}, or request "
         f"{reachable_percent:.3g} %; nothing was written",
         code="accuracy-not-reached",
         key="accuracy",
@@ -186,12 +185,12 @@ def accuracy_error(budget: Budget, better_options: str) -> NegativeResult:
 
 
 def percent(budget: Budget, value: float) -> float:
-    """Return a deviation in per cent of the largest output."""
+    """Return a deviation in % of the reference output."""
     return 100.0 * value / budget.reference_output
 
 
 def budget_dict(budget: Budget) -> dict[str, Any]:
-    """Return a budget as written to ``budget.json``."""
+    """Return the content of ``budget.json``."""
 
     def row(part: BudgetPart) -> dict[str, Any]:
         return {

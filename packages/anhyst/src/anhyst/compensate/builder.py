@@ -1,4 +1,9 @@
-"""From a model to its parameter blocks, of any kind, format and size; what they share is found once."""
+"""Build parameter blocks of one model in any number format and table size.
+
+A block contains the tables of a compensator and its scales. The output range and the fit of the
+simplified law do not depend on table sizes. `BlockBuilder` calculates them once and shares them
+between all blocks.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +24,8 @@ from anhyst.support.block_words import Scales
 from anhyst.support.kinds import NumberFormat
 
 MAX_SHIFTED_DEMAND_SHARE = 0.998
-"""Of the full-scale output may the root of a demand reach, lowered by its offset."""
+"""Largest value of demand minus offset, as a fraction of the full-scale output. It limits how far
+the simplified law may lower the offset."""
 
 FINE_SIZES = TableSizes(
     gap_segments=4,
@@ -30,15 +36,17 @@ FINE_SIZES = TableSizes(
     octave_segments=5,
     root_knee=8,
 )
-"""Everything finer than any axis needs while another one is looked at."""
+"""Table sizes that are finer than any block needs. The search keeps the other sizes at these values
+while it varies one of them."""
 
 LAW_GAP_SEGMENTS = 4
-"""The arms of the simplified law are fitted at 2^this + 1 gaps, and straight between them."""
+"""Exponent of the number of gaps of the simplified law: it is fitted at 2**LAW_GAP_SEGMENTS + 1
+gaps and interpolated linearly."""
 
 
 @dataclass(frozen=True)
 class BlockBuilder:
-    """Makes blocks of one model, kind and format that differ in their sizes alone."""
+    """Builds blocks of one model, kind and format with different table sizes."""
 
     model: Model
     kind: Kind
@@ -47,24 +55,22 @@ class BlockBuilder:
     limits: DemandLimits
     conditioning: Conditioning = field(default_factory=Conditioning)
     model_hash: int = 0
-    dynamic_model: Model | None = (
-        None  # the model with its layers or its lag, where these are compiled
-    )
+    dynamic_model: Model | None = None  # model with layers or lag; None if neither is compiled
 
     @property
     def block_kind(self) -> Kind:
-        """Kind of the blocks: the full compensator of a model is that of its law."""
+        """Kind of the blocks. It is "cells" for a full compensator of a law with play cells."""
         with_cells = self.kind == "full" and self.model.operator_law.cells is not None
         return "cells" if with_cells else self.kind
 
     @cached_property
     def output_range(self) -> OutputRange:
-        """Outputs that the model can reach, found once."""
+        """Outputs that the model can reach; calculated once."""
         return find_output_range(self.model, self.scales, self.limits)
 
     @cached_property
     def closed_form(self) -> ClosedForm:
-        """The five numbers of the simplified law, fitted once."""
+        """Five fitted constants of the simplified law; calculated once."""
         gaps = np.linspace(self.scales.gap_low, self.scales.gap_high, 2**LAW_GAP_SEGMENTS + 1)
         gaps = gaps if self.model.needs_schedule else gaps[:1]
         offset_margin = MAX_SHIFTED_DEMAND_SHARE * self.scales.demand - self.limits.demand[1]
@@ -76,24 +82,24 @@ class BlockBuilder:
         return "f32" if self.io == "f32" else "fixed"
 
     def __call__(self, sizes: TableSizes) -> Block:
-        """Return the block with these sizes, of the iron at rest."""
+        """Return a block with these sizes, without eddy-current lag."""
         return self.build(sizes, self.number_format, is_static=True)
 
     def exact_block(self, sizes: TableSizes) -> Block:
-        """Return the same tables in double precision, with as many iterations as can matter.
+        """Return the same tables in double precision, with many iterations.
 
-        Euler's form has no tables; the closed form stands in for it.
+        The eddy-current lag is omitted. The Euler form has no tables; the closed form replaces it.
         """
         return self.build(replace(sizes, iterations=FINE_SIZES.iterations), "f64", is_static=True)
 
     def dynamic_block(self, sizes: TableSizes, number_format: NumberFormat | None = None) -> Block:
-        """Return the block with these sizes, with its layers or its lag if there are some."""
+        """Return a block with these sizes, including the layers or the lag of the model."""
         return self.build(
             sizes, number_format or self.number_format, is_static=self.dynamic_model is None
         )
 
     def build(self, sizes: TableSizes, number_format: NumberFormat, *, is_static: bool) -> Block:
-        """Return the block with these sizes in a number format; `still` leaves out what answers late."""
+        """Return a block in a number format; `is_static` omits the eddy-current lag."""
         kind = self.block_kind
         if kind == "euler" and number_format != "fixed":
             kind = "simplified"
@@ -117,10 +123,11 @@ def build_block(
     closed_form: ClosedForm | None = None,
     is_static: bool = False,
 ) -> Block:
-    """Make the parameter block of a kind; `still` leaves out what answers late.
+    """Build the parameter block of a kind; `is_static` omits the eddy-current lag.
 
-    `law` is the outcome of `fit_closed_form`, which the simplified kinds need: ``"simplified"``, and
-    ``"euler"``, the paper's Euler form of the same five numbers, with ``sizes.substeps``.
+    The kinds ``"simplified"`` and ``"euler"`` need `closed_form`, the result of `fit_closed_form`.
+    ``"euler"`` is the paper's Euler form of the same five constants, with ``sizes.substeps`` steps
+    per sample.
     """
     frame = BlockFrame(model, scales, limits, sizes or TableSizes(), conditioning or Conditioning())
     if kind == "full":

@@ -1,4 +1,8 @@
-"""The parameter block of a law of play cells: rows over the effective field."""
+"""Make the tables of a parameter block for a law with play cells (block kind "cells").
+
+A play cell is a play operator with its own magnetisation curve. Each table row contains the
+magnetisation of the first 1, 2, ... cells while they move, over the effective field.
+"""
 
 from __future__ import annotations
 
@@ -17,37 +21,35 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 FIELD_MARGIN = 1.02
-"""Rows reach a little further than any current within its limits drives the field."""
+"""Largest field of the rows, relative to the largest field for currents within their limits."""
 
 SOLID_FIELD_MARGIN = 2.0
-"""The same of solid iron, in which the field at the surface runs ahead."""
+"""The same factor for a solid core, where the field at the surface is ahead of the mean field."""
 
 ZONE_EXPONENTS = range(6)
-"""Halvings of the largest field where narrow segments may end."""
+"""Tested exponents of the inner zone: narrow segments end at 2**-exponent of the largest field."""
 
 
 @dataclass(frozen=True)
 class RowGrid:
-    """Where a row has its entries: narrow segments around zero, wide ones beyond."""
+    """Fields at the entries of a row: narrow segments around zero, wide segments outside."""
 
-    segment_exponent: int  # 2 to this are on each side of zero up to the zone
-    zone_exponent: (
-        int  # it ends at 2**-this of the largest field; segments are 2**this times as wide beyond
-    )
+    segment_exponent: int  # there are 2**segment_exponent narrow segments on each side of zero
+    zone_exponent: int  # the zone ends at 2**-zone_exponent of the largest field
 
     @property
     def zone_end(self) -> float:
-        """Where the zone ends, in parts of the largest field."""
+        """End of the inner zone, as a fraction of the largest field."""
         return 2.0**-self.zone_exponent
 
     @property
     def narrow_segments(self) -> int:
-        """Narrow segments on each side."""
+        """Number of narrow segments on each side."""
         return int(2**self.segment_exponent)
 
     @property
     def wide_segments(self) -> int:
-        """Wide segments on each side."""
+        """Number of wide segments on each side; their width is 2**zone_exponent narrow ones."""
         return self.narrow_segments - (self.narrow_segments >> self.zone_exponent)
 
     @property
@@ -62,31 +64,31 @@ class RowGrid:
 
 @dataclass(frozen=True)
 class CellRows:
-    """Tables of a compensator of the law of cells; fields in A/m."""
+    """Tables of a law with play cells; fields in A/m."""
 
-    max_field: float  # largest field
-    thresholds: FloatArray  # half-widths of the plays that have one, rising; shape (n,)
-    grid: RowGrid  # where the entries of a row are
-    # magnetisation of the first 1, 2, .. plays while they move, over fields of both signs; in parts
-    # of the saturation; shape (n + 1, m)
+    max_field: float  # largest field of the rows
+    thresholds: FloatArray  # thresholds above 0, in increasing order; shape (n,)
+    grid: RowGrid  # fields at the entries of a row
+    # magnetisation of the first 1, 2, ... cells while they move, over fields of both signs,
+    # relative to saturation; shape (n + 1, m)
     magnetisation: FloatArray
 
 
 def cell_outputs(weights: CellWeights, plays: FloatArray) -> FloatArray:
-    """Return the output of each cell over its play, A/m."""
+    """Return the magnetisation of each cell for the values of its play operator, A/m."""
     curve = weights.curves(plays, curve_value)
     return np.asarray((weights.weights[:, :, None] * curve).sum(axis=1))
 
 
 def initial_magnetisation(weights: CellWeights, field: float) -> float:
-    """Return the magnetisation at the largest field there ever was, A/m: no history matters there."""
+    """Return the magnetisation on the initial curve, A/m; it does not depend on the history."""
     return float(cell_outputs(weights, np.maximum(field - weights.thresholds, 0.0)[:, None]).sum())
 
 
 def find_max_field(
     weights: CellWeights, coefficients: CurrentCoefficients, current: tuple[float, float]
 ) -> float:
-    """Return the largest ``|x|``, A/m, to which currents within their limits drive the iron."""
+    """Return the largest ``|x|`` for currents within their limits, A/m."""
     return max(
         _solve_field(
             weights, coefficients.air_flux, abs(limit - bias), flux_coefficient, field_coefficient
@@ -106,7 +108,7 @@ def _solve_field(
     flux_coefficient: float,
     field_coefficient: float,
 ) -> float:
-    """Return the field at a current for the first time; blocks of many sizes ask for the same."""
+    """Return the field on the initial curve for a current; cached for blocks of many sizes."""
 
     def drive_error(x: float) -> float:
         flux = initial_magnetisation(weights, x) / weights.saturation + air_flux * x
@@ -119,10 +121,10 @@ def _solve_field(
 
 
 def merge_cells(weights: CellWeights, max_cells: int, max_field: float) -> CellWeights:
-    """Return weights with a limited number of thresholds above 0, all below the largest field.
+    """Return at most `max_cells` cells with a threshold above 0, all below the largest field.
 
-    What is beyond is never moved. Neighbours are put together, in the mean of their weights, where
-    that moves the thresholds least.
+    Cells beyond the largest field never move and are removed. Neighbours are merged at the mean of
+    their thresholds, weighted by their magnetisation, where this moves the thresholds least.
     """
     sums = weights.weights.sum(axis=1)
     reachable = [
@@ -152,14 +154,14 @@ def make_cell_rows(
     *,
     is_solid: bool = False,
 ) -> CellRows:
-    """Return the rows of a law, as far as currents within their limits lead."""
+    """Return the rows of a law for all fields that currents within their limits produce."""
     largest_field = find_max_field(weights, coefficients, limits.current)
     max_field = (SOLID_FIELD_MARGIN if is_solid else FIELD_MARGIN) * largest_field
     merged = merge_cells(weights, sizes.cells, largest_field)
     if merged.thresholds.size < 2:
         raise InputError(
-            "model: no hysteresis within the range of its input, where the least threshold of its "
-            "cells is not reached; look at its loops, or drive by a curve without memory",
+            "model: no hysteresis within the range of its input, which does not reach the smallest "
+            "threshold of its play cells; check the loops, or use a single-valued curve",
             code="no-hysteresis",
             key="model",
         )
@@ -169,13 +171,14 @@ def make_cell_rows(
         return np.asarray(np.cumsum(outputs, axis=0) / weights.saturation)
 
     def tabulate(grid: RowGrid) -> tuple[FloatArray, float]:
-        """Entries of the rows, and how far straight lines between them bend away at most."""
+        """Return the entries of the rows, and the largest deviation of a chord from the curve."""
         field = max_field * grid.fields
         ends, middles = magnetisation(field), magnetisation(0.5 * (field[1:] + field[:-1]))
         deviation = 0.5 * (ends[:, 1:] + ends[:, :-1]) - middles
         padded = np.pad(deviation, ((0, 0), (1, 1)), mode="edge")
-        # Chords lie on one side of a curve; half as far off when they are moved half of the way.
-        # Moved entries of few segments may pass saturation, or one the other.
+        # All chords are on one side of the curve. Moving the entries by half the deviation of the
+        # chords halves the largest error. With few segments, moved entries may exceed saturation or
+        # lose their order.
         shifted = np.clip(ends - 0.25 * (padded[:, 1:] + padded[:, :-1]), -1.0, 1.0)
         return np.maximum.accumulate(shifted, axis=1), float(np.abs(deviation).max())
 
@@ -191,9 +194,9 @@ def make_cell_rows(
 
 
 def make_cell_law(frame: BlockFrame, *, is_static: bool) -> LawTables:
-    """Return the tables of a model of cells; a field of 1 is the largest.
+    """Return the tables of a model with play cells; a field of 1 is the largest field.
 
-    `still` leaves out what answers late, but for the reach of layers.
+    `is_static` omits the layers, except for the larger field of a solid core.
     """
     model, coefficients = frame.model, frame.coefficients
     is_solid = model.layers is not None
@@ -220,12 +223,12 @@ def _pack(frame: BlockFrame, rows: CellRows, layers: Layers | None, pack: Packer
 
 
 def _pack_layers(pack: Packer, layers: Layers, rate_field: float, alpha_field: float) -> None:
-    """Put the words of solid iron; what a unit of flux counts in fields of the reach."""
+    """Set the words of a solid core: fields of a unit of flux, relative to the largest field."""
     pack.put_weight("SOLID_HOLD", max(rate_field, 1.0 / WEIGHT_UNIT), "gamma")
     pack.put_integer("SOLID_LAYERS", layers.count)
     pack.put_number("SOLID_OWN", alpha_field / 4.0, "alpha")
     surface = layers.surface
-    if pack.is_fixed:  # all shares together are 1
+    if pack.is_fixed:  # the shares of all layers must add up to 1
         inner_share = round((1.0 - surface) / (layers.count - 1) * 32768)
         surface = 1.0 - inner_share * (layers.count - 1) / 32768
     pack.put_number("SOLID_SURFACE", surface, "surface")

@@ -1,4 +1,9 @@
-"""The magnetic circuit of a model in the form of a compensator: from demand to flux, from flux and field to current."""
+"""Convert the magnetic circuit of a model into the coefficients of a compensator.
+
+A compensator calculates the flux from the demand, then the effective field from the flux, and then
+the current from both: ``bias + flux_coefficient*flux + field_coefficient*x``. This module
+calculates these coefficients at each gap of a table.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +25,12 @@ if TYPE_CHECKING:
 
 
 def iron_parameters(model: Model) -> Mapping[str, float]:
-    """Return the parameters of the iron, the same at every gap of what can be compiled."""
+    """Return the parameters of the iron; they must not depend on the gap."""
     return model.parameters_at(model.first_node)
 
 
 def saturation_magnetisation(model: Model) -> float:
-    """Return the largest magnetisation, A/m."""
+    """Return the saturation magnetisation, A/m."""
     iron, law = iron_parameters(model), model.operator_law
     if law.cells is not None:
         return law.cells(iron).saturation
@@ -33,7 +38,7 @@ def saturation_magnetisation(model: Model) -> float:
 
 
 def cell_weights(model: Model) -> CellWeights:
-    """Return the cells of a model whose law has some."""
+    """Return the play cells of a model whose law has play cells."""
     cells = model.operator_law.cells
     assert cells is not None
     return cells(iron_parameters(model))
@@ -45,19 +50,19 @@ MAX_FLUX_SHIFT = 6
 
 
 def gap_knots(model: Model, scales: Scales, sizes: TableSizes) -> FloatArray:
-    """Places over the gap at which a table has its entries, SI."""
+    """Return the gaps at which a table has entries, SI."""
     if not model.needs_schedule:
         return np.full(2, scales.gap_low)
     return np.linspace(scales.gap_low, scales.gap_high, 2**sizes.gap_segments + 1)
 
 
 def flux_unit(model: Model) -> float:
-    """Flux density of saturated iron without the air around it, T: the unit of the inner flux."""
+    """Return the unit of the inner flux, T: the flux density of saturated iron without its air."""
     return MU_0 * saturation_magnetisation(model) * (1.0 - iron_parameters(model)["alpha"])
 
 
 def flux_shift(gain: FloatArray) -> int:
-    """Return by how many bits gains of the flux are shifted to fit into their table."""
+    """Return the number of bits by which the flux gains are shifted to fit into their table."""
     if not gain.max() <= MAX_WEIGHT * 2.0**MAX_FLUX_SHIFT:
         raise InputError(
             "flux: the full-scale demand is far beyond saturation; narrow the output in the "
@@ -69,7 +74,7 @@ def flux_shift(gain: FloatArray) -> int:
 
 
 def flux_gain(model: Model, scales: Scales, gaps: FloatArray) -> FloatArray:
-    """Return the flux of a full-scale output at each node, in units of :func:`flux_unit`."""
+    """Return the flux for a full-scale output at each gap, in units of :func:`flux_unit`."""
     full_scale_flux_power = scales.demand / model.interpolate_parameter("c_out", gaps)
     return np.asarray(
         (np.sqrt(full_scale_flux_power) if model.power == 2 else full_scale_flux_power)
@@ -79,21 +84,22 @@ def flux_gain(model: Model, scales: Scales, gaps: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class CurrentCoefficients:
-    """How a current is made up at places over the gap: ``bias + flux_arm*flux + field_arm*x``."""
+    """Coefficients of ``bias + flux_coefficient*flux + field_coefficient*x`` at several gaps."""
 
-    # flux, in parts of that of saturated iron, for an effective field ``x`` of 1 A/m without iron
+    # flux for an effective field ``x`` of 1 A/m without iron, as a fraction of that of saturated
+    # iron
     air_flux: float
-    # in units of the input; for a flux of 1, and for an effective field of 1 A/m; shape (n,)
+    # in units of the input: bias, for a flux of 1, for an effective field of 1 A/m; shape (n,)
     bias: FloatArray
     flux: FloatArray
     field: FloatArray
 
 
 def current_coefficients(model: Model, gaps: FloatArray) -> CurrentCoefficients:
-    """Bring the circuit of a model into the form of a compensator, at places over the gap.
+    """Convert the circuit of a model into the coefficients of a compensator, at several gaps.
 
-    ``c_H*(I - in_0) = x/(1-alpha) + (rho - alpha/(1-alpha))*B/mu0`` with
-    ``B/mu0 = (1-alpha)*M_s*flux``; a rewriting of section 2 of the theory.
+    ``c_H*(I - in_0) = x/(1-alpha) + (rho - alpha/(1-alpha))*B/mu0`` with ``B/mu0 =
+    (1-alpha)*M_s*flux`` follows from section 2 of the theory.
     """
     alpha = iron_parameters(model)["alpha"]
     turns, rho = (model.interpolate_parameter(name, gaps) for name in ("c_H", "rho"))
@@ -107,9 +113,9 @@ def current_coefficients(model: Model, gaps: FloatArray) -> CurrentCoefficients:
 
 
 def lag_coefficient(model: Model, gaps: FloatArray, rate: float) -> FloatArray | None:
-    """Return the current for a flux that rises by 1 in a tick, one value a node; None without a lag.
+    """Return the current for a flux that rises by 1 in a tick, at each gap; None without a lag.
 
-    ``c_H*(I - in_0) = H + rho*B/mu0 + gamma*dB/dt``, the derivative as a backward difference.
+    ``c_H*(I - in_0) = H + rho*B/mu0 + gamma*dB/dt``, with the derivative as a backward difference.
     """
     if model.layers is not None or not model.has_eddy_currents:
         return None

@@ -1,11 +1,12 @@
-"""Maps of the current over force and gap: without memory, made in four ways, and with one play.
+"""Fit maps of the current over force and gap, without memory or with one play operator.
 
-One play is the least that knows hysteresis:
+Single-valued maps are a constant ratio, a linearisation, a secant, or the best curve for the
+measured loops. The map with one play operator is the simplest law with hysteresis::
 
     i = map(force, gap)
-    current = i + half(force, gap)*bounded((i - b)/radius)
+    current = i + half_width(force, gap)*bounded((i - b)/radius)
 
-Here `half` is half the width of the measured loops, and b the play of i with the half-width
+Here `half_width` is half the width of the measured loops, and b is the play of i with the threshold
 `radius`.
 """
 
@@ -50,37 +51,37 @@ from anhyst.support.numeric import FloatArray, to_factor, to_q31
 class CurrentMap:
     """Current over force and gap without memory."""
 
-    # A, on equal steps over the range of gaps and of forces up to full scale; rises along the
-    # force. For fixed point both numbers are 2^n + 1; shape (g, f)
+    # current, A, on a regular grid of gaps and of forces up to full scale; it increases with the
+    # force. For fixed point both dimensions are 2^n + 1; shape (g, f)
     entries: FloatArray
-    scales: Scales  # full scales; no entry is beyond that of the current
-    limits: tuple[float, float]  # of the current, A
-    # constants that the table is made of
+    scales: Scales  # full scales; no entry exceeds that of the current
+    limits: tuple[float, float]  # limits of the current, A
+    # constants from which the table was calculated
     constants: Mapping[str, float] = field(default_factory=dict)
-    force_low: float = 0.0  # N; below zero only in floating point
+    force_low: float = 0.0  # force of the first column, N; negative only in floating point
     flux_full_scale = 1.0
 
     def native(self, number_format: NumberFormat) -> Native:
-        """Return the core's own."""
+        """Return a new force controller of the core."""
         if number_format == "fixed":
             return _core.FixedForceController.map(self.entry_words(), *self.limit_codes())
         return REAL_CONTROLLERS[number_format].map(self.entries, *self.real_arguments())
 
     @property
     def table_range(self) -> tuple[float, float, float, float]:
-        """Least and largest force and gap of the table, N and m."""
+        """Smallest and largest force and gap of the table, N and m."""
         return self.force_low, self.scales.demand, self.scales.gap_low, self.scales.gap_high
 
     def real_arguments(self) -> tuple[float, ...]:
-        """Return ends and limits as floating point takes them."""
+        """Return range and limits in the order of the core's floating-point function."""
         return *self.table_range, *self.limits
 
     def entry_words(self) -> NDArray[np.int16]:
-        """Entries as fixed point takes them."""
+        """Entries as fixed-point words."""
         return table_words(self.entries, self.scales.current, "current")
 
     def limit_codes(self) -> tuple[int, int]:
-        """Limits as fixed point takes them."""
+        """Limits of the current as fixed-point codes."""
         low, high = (to_q31(end / self.scales.current) for end in self.limits)
         return low, high
 
@@ -92,7 +93,7 @@ def table_words(values: FloatArray, unit: float, name: str) -> NDArray[np.int16]
 
 
 def fit_single_valued_map(sources: Sources, _: NumberFormat) -> CurrentMap:
-    """Take the best current without memory as it is."""
+    """Return the best single-valued current."""
     return make_current_map(sources.surface().current, sources.operating, {})
 
 
@@ -102,7 +103,7 @@ def make_current_map(
     constants: Mapping[str, float],
     half_width: FloatArray | float = 0.0,
 ) -> CurrentMap:
-    """Make a map with full scales that hold every entry and half a width around it."""
+    """Make a map whose full scales include every entry plus and minus half the loop width."""
     current = max(operating.current_max, float((np.abs(entries) + half_width).max()))
     scales = Scales(
         round_full_scale(operating.force_max), round_full_scale(current), *operating.gap_range
@@ -119,12 +120,12 @@ def fit_ratio_map(sources: Sources, _: NumberFormat) -> CurrentMap:
 
 
 def fit_linearised_map(sources: Sources, _: NumberFormat) -> CurrentMap:
-    """Fit the two constants of a magnet around the operating point."""
+    """Fit force-current factor and stiffness around the operating point."""
     return _fit_tangent_map(sources, fit_plane, "k_s_N_per_m")
 
 
 def fit_secant_map(sources: Sources, _: NumberFormat) -> CurrentMap:
-    """Take force over current at the operating point, through the origin."""
+    """Return a map with the ratio of force and current at the operating point, through the origin."""
     return _fit_tangent_map(sources, _fit_secant)
 
 
@@ -139,7 +140,7 @@ def _fit_tangent_map(
     fit: Callable[[Surface, float, float, float], Tangent],
     stiffness_name: str | None = None,
 ) -> CurrentMap:
-    """Return the table of a tangent, and the constants it is made of."""
+    """Return the map of a tangent, with the constants of the tangent."""
     surface, operating = sources.surface(), sources.operating
     tangent = fit(surface, operating.force, operating.gap, operating.force_max)
     force = surface.force[[0, -1]] - operating.force
@@ -155,20 +156,20 @@ def _fit_tangent_map(
 
 
 _RATIO_MAP_COLUMNS = 9
-"""Of the table: straight, but for where the current would be beyond its full scale."""
+"""Number of forces of the table. Its rows are straight lines, clipped at full-scale current."""
 
 _RAMP_SAMPLES = 200
-"""Of a ramp of the current, up or down."""
+"""Number of samples of a current ramp, up or down."""
 
 _MAX_ENTRY_SHARE = 1.0 - 2.0**-15
-"""Of the full scale: the largest entry in 16 bits."""
+"""Largest 16-bit entry, relative to full scale."""
 
 
 def fit_uncompensated_map(model: Model, scales: Scales) -> CurrentMap:
-    """Return a constant force-current ratio, fitted to the settled loops of a model.
+    """Return a constant force-current ratio, fitted to the steady-state loops of a model.
 
-    The method ``ratio`` around half of the largest force at the middle gap, with loops of the model
-    in place of measured ones.
+    This is the method ``ratio`` around half of the largest force at the middle gap. Simulated loops
+    replace measured ones.
     """
     current_max, force_max = model.valid_range.input[1], model.valid_range.output[1]
     gap_range = scales.gap_low, scales.gap_high
@@ -187,7 +188,7 @@ def fit_uncompensated_map(model: Model, scales: Scales) -> CurrentMap:
 
 
 def _simulate_loop(model: Model, current_max: float, gap: float) -> Loop:
-    """Return the settled loop up to a current and back at a gap."""
+    """Return the steady-state loop between zero and a current at a gap."""
     ramp = np.linspace(0.0, current_max, _RAMP_SAMPLES)
     drive = np.concatenate((ramp, ramp[-2::-1]))
     force = model.predict(drive, gap, slow_times(drive.size), "settled").output
@@ -195,10 +196,10 @@ def _simulate_loop(model: Model, current_max: float, gap: float) -> Loop:
 
 
 RADIUS_RANGE = (0.003, 1.0)
-"""Within which a radius is looked for, of the largest current."""
+"""Range of the fitted radius, relative to the largest current."""
 
 RADIUS_GRID_POINTS = 20
-"""Radii on a grid, before the best one is refined."""
+"""Number of radii on a grid, before the best one is refined."""
 
 _MAX_WORD = 2.0**15 - 1.0
 """Word of the largest current."""
@@ -206,13 +207,13 @@ _MAX_WORD = 2.0**15 - 1.0
 
 @dataclass(frozen=True)
 class PlayMap:
-    """A map of the current with one play."""
+    """Current over force and gap with one play operator."""
 
-    map: CurrentMap  # without memory
-    # half the width of the loop on the same steps, A; along the force it changes by no more than
+    map: CurrentMap  # map without memory
+    # half the width of the loop on the same grid, A; its change along the force is at most that of
     # the map; shape (g, f)
     half_width: FloatArray
-    radius: float  # half-width of the play, A
+    radius: float  # threshold of the play operator, A
     flux_full_scale = 1.0
 
     @property
@@ -226,7 +227,7 @@ class PlayMap:
         return {"radius_A": self.radius, "half_width_A": float(self.half_width.max())}
 
     def native(self, number_format: NumberFormat) -> Native:
-        """Return the core's own."""
+        """Return a new force controller of the core."""
         words: NDArray[Any] = self.block(number_format)
         if number_format == "fixed":
             return _core.FixedForceController.play(words)
@@ -262,13 +263,13 @@ class PlayMap:
         return pack_play(number_format, words, tables, model_hash)
 
     def widened(self, fraction: float) -> PlayMap:
-        """Return the same with a loop that is wider by a part."""
+        """Return the map with loops that are wider by a fraction."""
         rise = (1.0 - 1e-6) * np.diff(self.map.entries)
         half_width = limit_slope((1.0 + fraction) * self.half_width, rise)
         return replace(self, half_width=half_width, radius=(1.0 + fraction) * self.radius)
 
     def half_width_words(self) -> NDArray[np.int16]:
-        """Return half-widths in fixed point, limited by the words of the map."""
+        """Return the half-widths as words, limited by full scale and by the slope of the map."""
         entries = self.map.entry_words().astype(np.float64)
         half = table_words(self.half_width, self.scales.current, "half-width")
         limited = np.minimum(half, _MAX_WORD - np.abs(entries))
@@ -278,7 +279,7 @@ class PlayMap:
 def fit_play_map(sources: Sources, _: NumberFormat) -> PlayMap:
     """Fit map, half-widths and radius to the measured loops."""
     surface, operating, loops = sources.surface(), sources.operating, sources.loops
-    assert loops is not None  # the surface is made of them
+    assert loops is not None  # the surface was fitted to the loops
     gaps = list(loops.by_schedule())
     forces = float(surface.force[0]), float(surface.force[-1])
     radius = fit_radius(fit_surface(loops, forces, (min(gaps), max(gaps))), loops, operating)
@@ -293,13 +294,13 @@ def _make_play_map(
 
 
 def measure_half_widths(surface: Surface, loops: Loops) -> FloatArray:
-    """Return half the width of the loops on the steps of a surface.
+    """Return half the width of the loops on the grid of a surface.
 
-    At a force it is half of what lies between the least and the largest current of a gap's loops,
-    smoothed; over the gap runs a monotone cubic. Along the force it changes no faster than the
-    surface: no branch of a loop falls.
+    At each force it is half the difference between the largest and the smallest current of the
+    loops at a gap, smoothed. Between the gaps it is interpolated by a monotone cubic. Its change
+    along the force is limited to that of the surface, so that no branch of a loop falls.
     """
-    from scipy.signal import savgol_filter  # slow to load, and used for maps alone
+    from scipy.signal import savgol_filter  # imported here because it loads slowly
 
     knots, rows = [], []
     for gap, members in loops.by_schedule().items():
@@ -315,7 +316,7 @@ def measure_half_widths(surface: Surface, loops: Loops) -> FloatArray:
 
 
 def limit_slope(half_width: FloatArray, max_step: FloatArray) -> FloatArray:
-    """Return the largest rows below these that change by no more than a rise from step to step."""
+    """Reduce rows so that they change by at most `max_step` from column to column."""
     half_width = np.array(half_width, dtype=np.float64)
     for column in range(1, half_width.shape[1]):
         half_width[:, column] = np.minimum(
@@ -329,10 +330,10 @@ def limit_slope(half_width: FloatArray, max_step: FloatArray) -> FloatArray:
 
 
 def fit_radius(surface: Surface, loops: Loops, operating: OperatingRange) -> float:
-    """Return the radius with which a map expects the forces of all records best.
+    """Return the radius with the smallest force error over all records.
 
-    Every record counts, minor cycles as the others; where there are none, hardly anything sets the
-    radius.
+    Minor loops have the same weight as major loops. Without minor loops, the radius is poorly
+    determined.
     """
     half_width = measure_half_widths(surface, loops)
     full_gap_range = replace(operating, gap_range=(float(surface.gap[0]), float(surface.gap[-1])))
@@ -354,7 +355,7 @@ def fit_radius(surface: Surface, loops: Loops, operating: OperatingRange) -> flo
 
 
 def predict_forces(play: PlayMap, loop: Loop) -> FloatArray:
-    """Return the forces that a map expects of the measured currents of a record."""
+    """Return the forces that a map predicts for the measured currents of a record."""
     native, history = play.native("f64"), loop.history
     assert loop.schedule is not None
     gaps = loop.schedule.tolist()
@@ -366,34 +367,34 @@ def predict_forces(play: PlayMap, loop: Loop) -> FloatArray:
 
 
 FORCE_LEVEL_COUNT = 200
-"""Levels of force at which a single-valued curve has its points."""
+"""Number of force levels of a single-valued curve."""
 
 
 class Memoryless(Compensator):
-    """A compensator of which a commit changes nothing."""
+    """Compensator without state: `commit` changes nothing."""
 
     def solve(self, demand: float, gap: float | None = None) -> float:
-        """Return the current that gives `demand`."""
+        """Return the current for `demand`."""
         return float(self.run(demand, gap)[0])
 
     def reset_copy(self) -> Self:
-        """Return the same: there is nothing to be remembered."""
+        """Return the same object, because it has no state."""
         return self
 
 
 @dataclass(frozen=True)
 class ConstantRatio(Memoryless):
-    """Current in proportion to force: the paper's uncompensated case."""
+    """Current proportional to the force: the paper's uncompensated case."""
 
     gaps: FloatArray  # gaps, m; shape (g,)
-    ratio: FloatArray  # N/A; a single one for a ratio that does not know the gap; shape (g,)
+    ratio: FloatArray  # N/A; one value if it does not depend on the gap; shape (g,)
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
         """Return the currents for forces, A, shape (n,)."""
         return np.atleast_1d(np.asarray(demand) / self._ratio_at(gap))
 
     def commit(self, applied: float, gap: float | None = None) -> float:
-        """Return the force to expect, N."""
+        """Return the expected force, N."""
         return float(applied * self._ratio_at(gap))
 
     def _ratio_at(self, gap: ArrayLike | None) -> FloatArray:
@@ -405,11 +406,11 @@ class ConstantRatio(Memoryless):
 
 @dataclass(frozen=True)
 class SingleValued(Memoryless):
-    """The best curve without memory at every gap."""
+    """Best single-valued curve at every gap."""
 
     gaps: FloatArray  # gaps, m; shape (g,)
-    force_levels: FloatArray  # levels from zero on in equal steps, N; shape (l,)
-    currents: FloatArray  # current, A; never falls along the force; shape (g, l)
+    force_levels: FloatArray  # equidistant force levels that start at zero, N; shape (l,)
+    currents: FloatArray  # current, A; it does not decrease with the force; shape (g, l)
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
         """Return the currents for forces, A, shape (n,)."""
@@ -421,11 +422,11 @@ class SingleValued(Memoryless):
         return np.asarray((1.0 - share) * table[sample, lower] + share * table[sample, lower + 1])
 
     def commit(self, applied: float, gap: float | None = None) -> float:
-        """Return the force to expect, N."""
+        """Return the expected force, N."""
         return float(np.interp(applied, self._currents_at(gap, 1)[0], self.force_levels))
 
     def _currents_at(self, gap: ArrayLike | None, size: int) -> FloatArray:
-        """Currents of all levels at every gap, shape (size, l)."""
+        """Return the currents of all levels at every gap, shape (size, l)."""
         if self.gaps.size == 1:
             return np.broadcast_to(self.currents[0], (size, self.force_levels.size))
         used_gap = self.gaps[0] if gap is None else gap
@@ -434,7 +435,7 @@ class SingleValued(Memoryless):
 
 
 def fit_ratio(loops: Loops, force_max: float) -> ConstantRatio:
-    """Fit a constant ratio at every gap, least squares of the force up to the largest wanted."""
+    """Fit a constant ratio at every gap, with least squares of the force up to `force_max`."""
     groups = loops.by_schedule()
     ratios = []
     for members in groups.values():
@@ -448,10 +449,10 @@ def fit_ratio(loops: Loops, force_max: float) -> ConstantRatio:
 
 
 def fit_single_valued(loops: Loops, force_max: float) -> SingleValued:
-    """Fit the best single-valued current over force and gap.
+    """Fit the best single-valued curve over force and gap.
 
-    At every level of force the current lies midway between the least and the largest that the
-    loops show there: no other curve has a smaller worst error.
+    At each force level, the current is midway between the smallest and the largest current of the
+    loops. No other curve has a smaller worst error.
     """
     levels = np.linspace(0.0, force_max, FORCE_LEVEL_COUNT)
     groups = loops.by_schedule()

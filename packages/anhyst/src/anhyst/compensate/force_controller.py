@@ -1,4 +1,10 @@
-"""From force to current in SI units: what every compensator can do, and the controller's own C run here."""
+"""Run compensators from Python in SI units, with the same C that a controller runs.
+
+A compensator calculates the current for a demanded output (`solve`), and updates its hysteresis
+state with the applied current (`commit`). This module defines the common interface `Compensator`.
+`ForceController` runs any method for one magnet of a position controller. `FixedTwin` and
+`RealTwin` run a compiled parameter block, in fixed or in floating point.
+"""
 
 from __future__ import annotations
 
@@ -22,32 +28,32 @@ from anhyst.support.numeric import FloatArray, to_q31
 
 
 class Compensator(ABC):
-    """From a wanted output to the current that gives it, sample by sample.
+    """Calculates the current for a demanded output, sample by sample.
 
-    A user calls :meth:`solve` as often as he likes, applies a current, and calls :meth:`commit`
+    :meth:`solve` may be called any number of times. Then apply a current, and call :meth:`commit`
     once with the current that was really applied, after limits and the amplifier. Demands and
-    outputs are in units of the model's output, N for a force; currents in those of its input, A;
-    the scheduling variable is SI, m for a gap. What is beyond the limits of a compensator is
-    limited, never refused.
+    outputs are in units of the model's output, N for a force. Currents are in units of its input,
+    A. The scheduling variable is SI, m for a gap. Values beyond the limits of a compensator are
+    limited, not rejected.
     """
 
     @abstractmethod
     def solve(self, demand: float, gap: float | None = None) -> float:
-        """Return the current that gives `demand` now; the state is not touched."""
+        """Return the current for `demand`; the state does not change."""
 
     @abstractmethod
     def commit(self, applied: float, gap: float | None = None) -> float:
-        """Advance the state with the current that was applied."""
+        """Update the state with the applied current; return the expected output."""
 
     @abstractmethod
     def reset_copy(self) -> Self:
-        """Return another one with the same parameters, which remembers nothing.
+        """Return a compensator with the same parameters in the initial state.
 
-        Two magnets need two compensators, and every run its own.
+        Two magnets need two compensators, and each simulation run needs its own.
         """
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
-        """Solve and commit sample by sample."""
+        """Call solve and commit for each sample; return the currents."""
         demands = np.array(demand, dtype=np.float64, ndmin=1)
         gaps = np.broadcast_to(np.asarray(gap), demands.shape).tolist()
         currents = []
@@ -72,7 +78,7 @@ _FLUX_NOT_MEASURED = -(2**31)
 
 
 class MethodParameters(Protocol):
-    """The parameters of a method, of which a force controller is made."""
+    """The parameters of a method, from which a force controller is made."""
 
     @property
     def scales(self) -> Scales:
@@ -80,30 +86,30 @@ class MethodParameters(Protocol):
 
     @property
     def flux_full_scale(self) -> float:
-        """Flux density that counts as 1.0 in fixed point, T; 1 where none is looked at."""
+        """Flux density that is 1.0 in fixed point, T; 1 if the method does not measure it."""
 
     @property
     def constants(self) -> Mapping[str, float]:
-        """Constants by their names with units, for reports."""
+        """Constants by name with unit, for reports."""
 
     def native(self, number_format: NumberFormat) -> Native:
-        """Return the core's own, which remembers nothing yet."""
+        """Return a new force controller of the core, in the initial state."""
 
 
 @dataclass(frozen=True)
 class ForceController(Compensator):
-    """A compensator of one magnet as a controller of its position runs it.
+    """Compensator of one magnet, as a position controller runs it.
 
-    `native` remembers what was applied to it.
+    `native` contains the hysteresis state of the applied currents.
     """
 
-    method: MethodName  # how it finds the current
+    method: MethodName  # method that calculates the current
     format: NumberFormat  # number format
-    parameters: MethodParameters  # what it was fitted to
+    parameters: MethodParameters  # fitted parameters of the method
 
     @cached_property
     def native(self) -> Native:
-        """The core's own, at first demagnetised and with an empty integral."""
+        """Force controller of the core; initially demagnetised, with an integral of 0."""
         return self.parameters.native(self.format)
 
     @property
@@ -112,15 +118,18 @@ class ForceController(Compensator):
         return self.parameters.scales
 
     def reset_copy(self) -> ForceController:
-        """Return the same with nothing remembered."""
+        """Return a force controller with the same parameters in the initial state."""
         return replace(self)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave the core's object behind: another process makes its own, with nothing in it."""
+        """Omit the object of the core; another process makes a new one in the initial state."""
         return {name: value for name, value in self.__dict__.items() if name != "native"}
 
     def solve(self, demand: float, gap: float | None = None, flux: float = math.nan) -> float:
-        """Return the current for a force; the state is not touched."""
+        """Return the current for a force, A; the state does not change.
+
+        `flux` is the measured flux density, T; NaN: not measured.
+        """
         native, scales = self.native, self.scales
         used_gap = scales.gap_low if gap is None else gap
         if not isinstance(native, _core.FixedForceController):
@@ -133,7 +142,7 @@ class ForceController(Compensator):
         return code / _Q31 * scales.current
 
     def commit(self, applied: float, gap: float | None = None) -> float:
-        """Advance the state with the current that was applied, A; return the force to expect, N."""
+        """Update the state with the applied current, A; return the expected force, N."""
         native, scales = self.native, self.scales
         used_gap = scales.gap_low if gap is None else gap
         if not isinstance(native, _core.FixedForceController):
@@ -144,7 +153,7 @@ class ForceController(Compensator):
         return expected / _Q31 * scales.demand
 
     def follow(self, applied: FloatArray, gap: FloatArray) -> FloatArray:
-        """Advance along a path of applied currents, A; return the forces to expect, N."""
+        """Update the state along a path of applied currents, A; return the expected forces, N."""
         native, scales = self.native, self.scales
         if not isinstance(native, _core.FixedForceController):
             return native.follow(applied, gap)
@@ -159,28 +168,28 @@ Io = Literal["q15", "q31", "f32", "f64"]
 
 
 class Twin(Compensator):
-    """A compiled compensator in use; bit for bit what a controller computes."""
+    """Compiled compensator that calculates bit for bit what a controller calculates."""
 
     _core: FixedCompensator | CompensatorF32 | CompensatorF64
 
     @property
     @abstractmethod
     def output(self) -> float:
-        """Output that the compensator expects after the last commit."""
+        """Expected output after the last commit."""
 
     @property
     def flags(self) -> int:
-        """Bits of the last solve and its commit, as in ``anhyst/compensator/flags.h``."""
+        """Flags of the last solve and its commit, as in ``anhyst/compensator/flags.h``."""
         return self._core.flags
 
     @property
     def memory(self) -> NDArray[Any]:
-        """What the iron remembers; see ``anhyst_memory`` in compensator.h."""
+        """Hysteresis state; see ``anhyst_memory`` in compensator.h."""
         return self._core.memory
 
     @abstractmethod
     def set_memory(self, memory: ArrayLike) -> None:
-        """Set what the iron remembers."""
+        """Set the hysteresis state."""
 
     def run_start_up(self, gap: float | None = None) -> FloatArray:
         """Run the start-up sequence; return its currents."""
@@ -191,15 +200,15 @@ class Twin(Compensator):
 
     @abstractmethod
     def _start_up_currents(self) -> FloatArray:
-        """Currents of the start-up sequence."""
+        """Return the currents of the start-up sequence."""
 
 
 Step = Callable[[Any, Any], Any]
-"""Solve or commit of the core: of a demand or a current, and of a gap."""
+"""Solve or commit of the core: takes a demand or a current, and a gap."""
 
 
 def select_steps(core: FixedCompensator, io: str) -> tuple[Step, Step]:
-    """Return solve and commit of a compensator in fixed point, for signals of a format."""
+    """Return solve and commit of a fixed-point compensator for a signal format."""
     if io == "q15":
         return core.solve_q15, core.commit_q15
     return core.solve_q31, core.commit_q31
@@ -208,7 +217,11 @@ def select_steps(core: FixedCompensator, io: str) -> tuple[Step, Step]:
 def _run_with_losses(
     solve: Step, commit: Step, inputs: Iterable[NDArray[Any]], limits: Sequence[float]
 ) -> FloatArray:
-    """Return applied currents, from demands, gaps and what the amplifier adds within its limits."""
+    """Run solve and commit; return the solved currents.
+
+    The inputs are demands, gaps and deviations of the amplifier. If the deviation of a tick is not
+    0, the applied current is the solved current plus the deviation, limited to `limits`.
+    """
     low, high = limits
     currents = []
     for demand, gap, loss in zip(*(row.tolist() for row in inputs), strict=True):
@@ -221,10 +234,10 @@ def _run_with_losses(
 
 
 class FixedTwin(Twin):
-    """A compensator in fixed point.
+    """Compensator in fixed point.
 
-    Demands, currents and gaps are rounded to the format on the way in, as an interface to a
-    converter would; what lies beyond the format is saturated.
+    Demands, currents and gaps are rounded to the signal format, as an interface to a converter
+    does. Values beyond the format are saturated.
     """
 
     def __init__(self, block: Block, io: str = "q31") -> None:
@@ -234,7 +247,7 @@ class FixedTwin(Twin):
         self._core: FixedCompensator = FixedCompensator(block.kind, block.words)
 
     def reset_copy(self) -> Self:
-        """Return another one of the same block, demagnetised."""
+        """Return a compensator of the same block, demagnetised."""
         return type(self)(self.block, self.io)
 
     def _codes(self, values: ArrayLike, low: float, scale: float) -> CodeArray:
@@ -244,15 +257,15 @@ class FixedTwin(Twin):
         ).astype(np.int32)
 
     def demand_codes(self, demand: ArrayLike) -> CodeArray:
-        """Demand in units of the output -> what the controller is given."""
+        """Convert demands in units of the output to codes."""
         return self._codes(demand, 0.0, self.block.scales.demand)
 
     def current_codes(self, current: ArrayLike) -> CodeArray:
-        """Turn currents in units of the input into what the controller is given."""
+        """Convert currents in units of the input to codes."""
         return self._codes(current, 0.0, self.block.scales.current)
 
     def gap_codes(self, gap: ArrayLike | None, size: int = 1) -> CodeArray:
-        """Scheduling variable, SI -> what the controller is given; 0 where it does not matter."""
+        """Convert the scheduling variable, SI, to codes; 0 if the model does not need it."""
         scales = self.block.scales
         span = scales.gap_high - scales.gap_low
         if gap is None or span <= 0.0:
@@ -260,29 +273,29 @@ class FixedTwin(Twin):
         return np.broadcast_to(self._codes(gap, scales.gap_low, span), (size,)).copy()
 
     def solve(self, demand: float, gap: float | None = None) -> float:
-        """Return the current that gives `demand` now; the state is not touched."""
+        """Return the current for `demand`; the state does not change."""
         solve, _ = select_steps(self._core, self.io)
         code: int = solve(int(self.demand_codes(demand)[0]), int(self.gap_codes(gap)[0]))
         return code / self.code_of_one * self.block.scales.current
 
     def commit(self, applied: float, gap: float | None = None) -> float:
-        """Advance the state with the current that was applied; return the expected output."""
+        """Update the state with the applied current; return the expected output."""
         _, commit = select_steps(self._core, self.io)
         commit(int(self.current_codes(applied)[0]), int(self.gap_codes(gap)[0]))
         return self.output
 
     @property
     def output(self) -> float:
-        """Output that the compensator expects after the last commit."""
+        """Expected output after the last commit."""
         code = self._core.output_q15() if self.io == "q15" else self._core.output_q31()
         return code / self.code_of_one * self.block.scales.demand
 
     def set_memory(self, memory: ArrayLike) -> None:
-        """Set what the iron remembers; three words where the last turn is not known."""
+        """Set the hysteresis state; give three words if the last reversal is not known."""
         self._core.set_memory(np.array(memory, dtype=np.int32))
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
-        """Solve and commit sample by sample, in C."""
+        """Run solve and commit for each sample, in C; return the currents."""
         codes = self.demand_codes(demand)
         currents = self._core.run(codes, self.gap_codes(gap, codes.size), self.io == "q15")
         return currents / self.code_of_one * self.block.scales.current
@@ -290,7 +303,7 @@ class FixedTwin(Twin):
     def run_with_losses(
         self, demand: FloatArray, gap: FloatArray | None, loss: FloatArray
     ) -> FloatArray:
-        """Solve and commit where the amplifier gives another current; `loss` in parts of its range."""
+        """Run with an amplifier that deviates by `loss`, as a fraction of its range."""
         limits = self.current_codes(self.block.limits.current).tolist()
         losses = ((limits[1] - limits[0]) * loss).round().astype(int)
         inputs = self.demand_codes(demand), self.gap_codes(gap, loss.size), losses
@@ -304,39 +317,39 @@ class FixedTwin(Twin):
 
 
 class RealTwin(Twin):
-    """A compensator in floating point."""
+    """Compensator in floating point."""
 
     def __init__(self, block: Block) -> None:
         self.block = block
         self._core: CompensatorF32 | CompensatorF64 = make_real_core(block)
 
     def reset_copy(self) -> Self:
-        """Return another one of the same block, demagnetised."""
+        """Return a compensator of the same block, demagnetised."""
         return type(self)(self.block)
 
     def _gap_or_lowest(self, gap: float | None) -> float:
         return self.block.scales.gap_low if gap is None else gap
 
     def solve(self, demand: float, gap: float | None = None) -> float:
-        """Return the current that gives `demand` now; the state is not touched."""
+        """Return the current for `demand`; the state does not change."""
         return self._core.solve(demand, self._gap_or_lowest(gap))
 
     def commit(self, applied: float, gap: float | None = None) -> float:
-        """Advance the state with the current that was applied; return the expected output."""
+        """Update the state with the applied current; return the expected output."""
         self._core.commit(applied, self._gap_or_lowest(gap))
         return self.output
 
     @property
     def output(self) -> float:
-        """Output that the compensator expects after the last commit."""
+        """Expected output after the last commit."""
         return self._core.output()
 
     def set_memory(self, memory: ArrayLike) -> None:
-        """Set what the iron remembers: x, y, p, turn, level."""
+        """Set the hysteresis state: x, y, p, turn, level."""
         self._core.set_memory(np.array(memory, dtype=np.float64))
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
-        """Solve and commit sample by sample, in C."""
+        """Run solve and commit for each sample, in C; return the currents."""
         demands = np.array(demand, dtype=np.float64, ndmin=1)
         gaps = self.block.scales.gap_low if gap is None else gap
         at = np.broadcast_to(np.asarray(gaps, dtype=np.float64), demands.shape).copy()
@@ -345,7 +358,7 @@ class RealTwin(Twin):
     def run_with_losses(
         self, demand: FloatArray, gap: FloatArray | None, loss: FloatArray
     ) -> FloatArray:
-        """Solve and commit where the amplifier gives another current; `loss` in parts of its range."""
+        """Run with an amplifier that deviates by `loss`, as a fraction of its range."""
         low, high = self.block.limits.current
         gaps = np.full(loss.size, self._gap_or_lowest(None)) if gap is None else gap
         inputs = demand, gaps, (high - low) * loss
@@ -357,5 +370,5 @@ class RealTwin(Twin):
 
 
 def make_twin(block: Block, io: Io) -> FixedTwin | RealTwin:
-    """Start the compensator that belongs to a block, demagnetised."""
+    """Return a demagnetised compensator for a block."""
     return FixedTwin(block, io) if block.is_fixed else RealTwin(block)

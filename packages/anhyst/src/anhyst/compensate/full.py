@@ -1,4 +1,9 @@
-"""The parameter block of the full law: the exact step, from tables."""
+"""Make the tables of a parameter block for the Jiles-Atherton law (block kind "full").
+
+The tables contain the anhysteretic curve, the ascending branch of a fully pinned iron, and the
+inverse of the anhysteretic curve. They extend to the largest field that any current within its
+limits produces. With them, the compensator calculates the exact step of the law.
+"""
 
 from __future__ import annotations
 
@@ -18,37 +23,39 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 FIELD_MARGIN = 1.02
-"""Tables reach a little further than any current within its limits drives the field."""
+"""Largest field of the tables, relative to the largest field for currents within their limits."""
 
 
 FIXED_POINT_STEPS = 100
-"""Steps down to the largest field from above: each is a bound, wherever one stops."""
+"""Number of fixed-point iterations from above. Each iterate is an upper bound of the largest field.
+"""
 
 MAX_RELATIVE_FIELD = 95.0
-"""Largest field over the shape field: the curve rises by a third of it, a slope of 32 at most."""
+"""Maximum of the largest field, relative to the shape field. The slope of the curve in a table is
+then 32 at most: the initial slope of the anhysteretic curve is a third of this value."""
 
 MAX_Q8 = 32767 / 256
-"""Largest steepness that a word holds; it steers Newton steps only."""
+"""Largest steepness that a word can store. It affects only the Newton steps."""
 
 
 @dataclass(frozen=True)
 class NormalisedLaw:
-    """The law in units of its own, and how a current is made up there."""
+    """Parameters of the law in units of the shape field, and coefficients of the current."""
 
-    a: float  # shape field of the anhysteretic curve, A/m: the unit of fields
-    kappa: float  # ``k/a``
+    a: float  # shape field of the anhysteretic curve, A/m; the unit of all fields
+    kappa: float  # pinning field ``k/a``
     c: float  # reversible fraction
-    dead_band: float  # ``r_d/a``
-    # ``h = a/((1-alpha)*M_s)``: flux (over that of saturated iron) for a field ``x = 1``
+    dead_band: float  # half-width ``r_d/a`` of the dead band
+    # ``h = a/((1-alpha)*M_s)``: flux, relative to that of saturated iron, for a field ``x = 1``
     air_flux: float
-    # current at each place over the gap, A: ``bias + flux_arm*flux + field_arm*x``; shape (n,)
+    # current at each gap, A: ``bias + flux_coefficient*flux + field_coefficient*x``; shape (n,)
     bias: FloatArray
     flux_coefficient: FloatArray
     field_coefficient: FloatArray
 
 
 def normalise_law(iron: Mapping[str, float], coefficients: CurrentCoefficients) -> NormalisedLaw:
-    """Bring the parameters of iron, and how a current is made up, into the units of the law."""
+    """Convert the parameters of the iron and the coefficients of the current to units of the law."""
     a = iron["a"]
     return NormalisedLaw(
         a=a,
@@ -63,7 +70,7 @@ def normalise_law(iron: Mapping[str, float], coefficients: CurrentCoefficients) 
 
 
 def find_max_field(law: NormalisedLaw, current: tuple[float, float]) -> float:
-    """Largest ``|x|`` to which currents within their limits drive the iron, at any gap."""
+    """Return the largest ``|x|`` for currents within their limits, over all gaps."""
     drive = np.abs(np.asarray(current)[:, None] - law.bias).ravel()
     flux_coefficient, field_coefficient = (
         np.tile(arms, len(current)) for arms in (law.flux_coefficient, law.field_coefficient)
@@ -86,9 +93,10 @@ def _max_field_on_ascending_branch(
     flux_coefficient: FloatArray,
     field_coefficient: FloatArray,
 ) -> float:
-    """Return the largest field on the ascending branch, where the iron answers least.
+    """Return the largest field on the ascending branch, where the magnetisation is lowest.
 
-    What each drive has left falls with the field, so the last to have some left leads furthest.
+    For each drive, the remaining drive decreases with the field. The last drive with a positive
+    remainder gives the largest field.
     """
     if drive.size == 0:
         return 0.0
@@ -115,7 +123,7 @@ def _max_field_on_anhysteretic(
     flux_coefficient: FloatArray,
     field_coefficient: FloatArray,
 ) -> float:
-    """Return the largest field on the anhysteretic curve, where the iron counts against the air."""
+    """Return the largest field on the anhysteretic curve, for negative flux coefficients."""
     x = np.full(drive.shape, np.inf)
     for _ in range(FIXED_POINT_STEPS):
         x = (drive - flux_coefficient * langevin(x)[0]) / (
@@ -126,17 +134,17 @@ def _max_field_on_anhysteretic(
 
 @dataclass(frozen=True)
 class FullTables:
-    """Tables of a compensator of the full law; fields in units of ``a``."""
+    """Tables of the law; fields in units of ``a``."""
 
-    max_field: float  # largest field
+    max_field: float  # largest field of the tables
     curve: FloatArray  # anhysteretic curve over fields from 0 to the largest; shape (2**n + 1,)
     # ascending branch of a fully pinned iron, over fields of both signs; shape (2**(n + 1) + 1,)
     branch: FloatArray
-    inverse: FloatArray  # field over the anhysteretic from 0 to 1; shape (2**m + 1,)
+    inverse: FloatArray  # field over the anhysteretic curve from 0 to 1; shape (2**m + 1,)
 
 
 def make_full_law(frame: BlockFrame) -> LawTables:
-    """Return the tables of a model of the full law; a field of 1 is the largest."""
+    """Return the tables of a model; a field of 1 is the largest field."""
     law = normalise_law(iron_parameters(frame.model), frame.coefficients)
     tables = make_full_tables(law, frame.limits, frame.sizes)
     coefficients = law.bias, law.flux_coefficient, law.field_coefficient * tables.max_field
@@ -144,11 +152,11 @@ def make_full_law(frame: BlockFrame) -> LawTables:
 
 
 def make_full_tables(law: NormalisedLaw, limits: DemandLimits, sizes: TableSizes) -> FullTables:
-    """Return the tables of a law, as far as currents within their limits lead."""
+    """Return the tables of a law for all fields that currents within their limits produce."""
     max_field = FIELD_MARGIN * find_max_field(law, limits.current)
     if max_field > MAX_RELATIVE_FIELD:
         raise InputError(
-            f"current: its limits drive the iron to {max_field:.0f} times its shape field a, beyond "
+            f"current: its limits drive the iron to {max_field:.0f} times its shape field a, but above "
             f"{MAX_RELATIVE_FIELD:.0f} the tables are too steep for 16 bits; narrow the current, or "
             "identify with --law play-cells",
             code="tables-too-steep",

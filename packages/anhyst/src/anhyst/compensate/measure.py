@@ -1,7 +1,8 @@
-"""What a compensator of certain sizes costs: how far its output is from the demand, part by part.
+"""Measure the error of a compensator, part by part, with the exact model.
 
-Each part is switched on alone, everything else exact. The currents go through the exact model in
-double precision, and what comes out is compared with what was demanded.
+Each part of the error is measured alone, while everything else is exact. The currents of the
+compensator are applied to the exact model in double precision. The error is the model's output
+minus the demand.
 """
 
 from __future__ import annotations
@@ -24,26 +25,26 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 LOSS_PERIOD_TICKS = 4
-"""On the path with losses the amplifier gives what was wanted but for one tick in so many."""
+"""On the path with losses, the amplifier deviates from the demanded current in one of this number
+of ticks."""
 
 LOSS_SEED = 3
 
 
 @dataclass(frozen=True)
 class PathRun:
-    """One path under one compensator."""
+    """Result of one path with one compensator."""
 
-    path: DemandPath  # what was demanded
-    current: FloatArray  # what was applied, in units of the input; shape (n,)
-    output: FloatArray  # what the exact model makes of it; shape (n,)
-    is_evaluated: NDArray[
-        np.bool_
-    ]  # samples at which the current was the compensator's own; shape (n,)
+    path: DemandPath  # demands
+    current: FloatArray  # applied current, in units of the input; shape (n,)
+    output: FloatArray  # output of the exact model; shape (n,)
+    # whether the applied current was that of the compensator; shape (n,)
+    is_evaluated: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
 class OutputDeviation:
-    """Worst and root-mean-square deviation of the output, in its unit, and where the worst was."""
+    """Worst and root-mean-square deviation of the output, in its unit, and the path of the worst."""
 
     worst: float
     rms: float
@@ -57,7 +58,7 @@ def run_twin(model: Model, block: Block, io: Io, path: DemandPath) -> PathRun:
 
 
 def run_with_losses(model: Model, block: Block, io: Io, path: DemandPath) -> PathRun:
-    """Run a compensator whose amplifier now and then gives something else, as `run_twin`."""
+    """Run a compensator whose amplifier deviates in some ticks; otherwise as `run_twin`."""
     size = path.demand.size
     is_evaluated = np.arange(size) % LOSS_PERIOD_TICKS != LOSS_PERIOD_TICKS - 1
     loss = 0.1 * np.random.default_rng(LOSS_SEED + size).standard_normal(size)
@@ -68,12 +69,15 @@ def run_with_losses(model: Model, block: Block, io: Io, path: DemandPath) -> Pat
 
 
 def predict_output(model: Model, current: FloatArray, path: DemandPath) -> FloatArray:
-    """Return what the model makes of a current along a path."""
+    """Return the output of the model for a current along a path."""
     return model.predict(current, path.gap, history="demagnetised").output
 
 
 def demand_error(run: PathRun, limits: DemandLimits, resolution: float) -> FloatArray:
-    """Return output minus demand; at a limit of the current only what is on its wrong side."""
+    """Return output minus demand.
+
+    At a limit of the current, only the error that a current within the limits could reduce counts.
+    """
     error = run.output - run.path.demand
     low, high = limits.current
     bottom, top = run.current <= low + resolution, run.current >= high - resolution
@@ -83,7 +87,7 @@ def demand_error(run: PathRun, limits: DemandLimits, resolution: float) -> Float
 
 
 def summarise_errors(errors: Iterable[tuple[str, FloatArray]]) -> OutputDeviation:
-    """Sum up errors over several paths, given with their names."""
+    """Return worst and root-mean-square error over several paths, given with their names."""
     magnitudes = [(name, np.abs(error)) for name, error in errors]
     worst = max(magnitudes, key=lambda item: float(item[1].max()))
     squares = np.concatenate([error for _, error in magnitudes]) ** 2
@@ -91,18 +95,18 @@ def summarise_errors(errors: Iterable[tuple[str, FloatArray]]) -> OutputDeviatio
 
 
 def current_resolution(scales: Scales) -> float:
-    """Return two steps of the words that hold the limits of the current, in units of the input."""
+    """Return two LSB of the words of the current limits, in units of the input."""
     return scales.current * 2.0**-14
 
 
 def compare_with_demand(
     model: Model, block: Block, io: Io, paths: Sequence[DemandPath]
 ) -> tuple[OutputDeviation, list[tuple[PathRun, FloatArray]]]:
-    """Run a compensator along all paths, the first of the random ones with losses as well."""
+    """Run a compensator along all paths; the first random path is repeated with losses."""
     step = current_resolution(block.scales)
     runs = [run_twin(model, block, io, path) for path in paths]
     loss_path = next(path for path in paths if path.name == "reversals")
-    title = "random reversals, the amplifier not following"
+    title = "random reversals with an amplifier that deviates"
     runs.append(run_with_losses(model, block, io, replace(loss_path, name="losses", title=title)))
     runs_with_errors = [(run, demand_error(run, block.limits, step)) for run in runs]
     return summarise_errors(
@@ -113,7 +117,7 @@ def compare_with_demand(
 def compare_compensators(
     model: Model, tested: tuple[Block, Io], reference: tuple[Block, Io], paths: Sequence[DemandPath]
 ) -> OutputDeviation:
-    """Compare two compensators: what the exact model makes of their currents."""
+    """Return the difference of the model's outputs between two compensators."""
     first, second = (predict_outputs(model, *each, paths) for each in (tested, reference))
     return compare_outputs(paths, first, second)
 
@@ -121,14 +125,14 @@ def compare_compensators(
 def predict_outputs(
     model: Model, block: Block, io: Io, paths: Sequence[DemandPath]
 ) -> list[FloatArray]:
-    """Return what the exact model makes of a compensator's currents, path by path."""
+    """Return the outputs of the model with a compensator, for each path."""
     return [run_twin(model, block, io, path).output for path in paths]
 
 
 def compare_outputs(
     paths: Sequence[DemandPath], tested: Sequence[FloatArray], reference: Sequence[FloatArray]
 ) -> OutputDeviation:
-    """Return how far two compensators are apart, from their outputs on each path."""
+    """Return the deviation between outputs of two compensators on the same paths."""
     pairs = zip(paths, tested, reference, strict=True)
     return summarise_errors((path.name, first - second) for path, first, second in pairs)
 
@@ -136,7 +140,7 @@ def compare_outputs(
 def snap_gaps(
     paths: Sequence[DemandPath], model: Model, scales: Scales, sizes: TableSizes
 ) -> list[DemandPath]:
-    """Return the paths with every gap moved to the nearest entry of the tables over it."""
+    """Return the paths with every gap moved to the nearest knot of the gap tables."""
     if not model.needs_schedule:
         return list(paths)
     knots = gap_knots(model, scales, sizes)
@@ -156,7 +160,7 @@ def measure_gap_interpolation(
     sizes: TableSizes,
     paths: Sequence[DemandPath],
 ) -> OutputDeviation:
-    """Return what straight lines between the entries over the gap cost, everything else exact."""
+    """Return the error due to linear interpolation over the gap, with everything else exact."""
     if not model.needs_schedule:
         return OutputDeviation(0.0, 0.0, "")
     knots = gap_knots(model, scales, sizes)
@@ -196,51 +200,52 @@ BUDGET_SEED = 2
 BUDGET_PATH_LENGTH = 4
 
 CROSSING_TIME_S = 0.5
-"""Seconds in which the demand of the part 'sample rate' crosses its range, and the gap its own."""
+"""Time in which demand and gap cross their ranges, for the part 'sample rate'."""
 
 MAX_CROSSING_TICKS = 400
-"""Of a crossing that are simulated; at higher rates the deviation shrinks in proportion."""
+"""Maximum number of simulated ticks of a crossing. At higher sample rates the error is scaled down
+in proportion."""
 
 
 @dataclass(frozen=True, slots=True)
 class BudgetPart:
-    """One line of the budget, in units of the output."""
+    """One row of the budget, in units of the output."""
 
-    name: str  # key, and what a reader sees
+    name: str  # identifier
     title: str
-    worst: float | None  # deviations; None where there is nothing to measure
+    worst: float | None  # errors; None if there is nothing to measure
     rms: float | None
-    note: str  # what was switched on, and where it was worst
+    note: str  # what was switched on, and the path of the worst error
 
 
 @dataclass(frozen=True)
 class CompensatorTrial:
-    """A compensator on trial: what its parts are measured on is built once."""
+    """Measures the parts of the budget of a compensator; shared results are calculated once."""
 
     builder: BlockBuilder
     sizes: TableSizes
-    block: Block  # as it is compiled
-    static_block: Block  # without what answers late
+    block: Block  # compiled block
+    static_block: Block  # block without eddy-current lag
 
     @cached_property
     def exact_block(self) -> Block:
-        """The same tables in double precision, of the iron at rest."""
+        """The same tables in double precision, without eddy-current lag."""
         return self.builder.exact_block(self.sizes)
 
     @cached_property
     def paths(self) -> list[DemandPath]:
-        """The paths of the budget, other ones than those of the search."""
+        """Paths of the budget; they differ from those of the search."""
         return self.builder.output_range.paths(seed=BUDGET_SEED, length=BUDGET_PATH_LENGTH)
 
     @cached_property
     def compiled_runs(self) -> tuple[OutputDeviation, list[tuple[PathRun, FloatArray]]]:
-        """Everything switched on: the worst of all paths, and the deviation along each."""
+        """Worst error of the compiled block over all paths, and the error along each path."""
         return compare_with_demand(
             self.builder.model, self.static_block, self.builder.io, self.paths
         )
 
     def measure_parts(self, reference_output: float) -> list[BudgetPart]:
-        """Return what each step from model to C costs; `largest` is the output of 100 %."""
+        """Return the error of each step from the model to C; `reference_output` is 100 %."""
         return [
             *self._measure_law(),
             self._measure_tables(),
@@ -251,7 +256,7 @@ class CompensatorTrial:
         ]
 
     def measure_compiled(self) -> BudgetPart:
-        """Return what all of them cost together."""
+        """Return the error of all steps together."""
         return _make_part("compiled", "compiled, all at once", *self.compiled_runs)
 
     def _measure_law(self) -> list[BudgetPart]:
@@ -271,11 +276,11 @@ class CompensatorTrial:
             part = _make_part(
                 "tables", "tables", *compare_with_demand(model, self.exact_block, "f64", snapped)
             )
-            note = f"in double precision, at gaps that stand in the tables; {part.note}"
+            note = f"in double precision, at the gaps of the tables; {part.note}"
             return replace(part, note=note)
         fine = builder.exact_block(replace(FINE_SIZES, gap_segments=self.sizes.gap_segments))
         deviation = compare_compensators(model, (self.exact_block, "f64"), (fine, "f64"), snapped)
-        note = "chosen against fine tables, in double precision, at gaps that stand in the tables"
+        note = "selected tables compared with fine tables, in double precision, at the gaps of the tables"
         return BudgetPart("tables", "tables", deviation.worst, deviation.rms, note)
 
     def _measure_quantisation(self) -> BudgetPart:
@@ -284,11 +289,11 @@ class CompensatorTrial:
             self.builder.model, (self.static_block, io), (self.exact_block, "f64"), self.paths
         )
         note = (
-            f"{io} and {self.sizes.iterations} iterations against double precision, many "
-            "iterations and the same tables"
+            f"{io} and {self.sizes.iterations} iterations compared with double precision "
+            "and many iterations, on the same tables"
         )
         if self.builder.kind == "euler":
-            note = "Euler's steps and rounding against the closed form in double precision"
+            note = "Euler steps and rounding compared with the closed form in double precision"
         return BudgetPart("quantisation", "quantisation", deviation.worst, deviation.rms, note)
 
     def _measure_gap_tables(self) -> list[BudgetPart]:
@@ -302,14 +307,14 @@ class CompensatorTrial:
             deviation = measure_gap_interpolation(
                 model, builder.scales, builder.limits, self.sizes, paths
             )
-            note = "straight lines between the entries over the gap, everything else exact"
+            note = "linear interpolation over the gap, everything else exact"
         else:
             coarse, fine = (
                 builder.exact_block(replace(FINE_SIZES, gap_segments=n))
                 for n in (self.sizes.gap_segments, FINE_SIZES.gap_segments)
             )
             deviation = compare_compensators(model, (coarse, "f64"), (fine, "f64"), self.paths)
-            note = "chosen entries over the gap against those of the fit, everything else fine"
+            note = "selected gap tables compared with those of the fit, everything else fine"
         return [
             BudgetPart(
                 "gap_interpolation", "gap interpolation", deviation.worst, deviation.rms, note
@@ -317,26 +322,29 @@ class CompensatorTrial:
         ]
 
     def _measure_sampling(self) -> BudgetPart:
-        """Let every current act two ticks after its demand: one of delay, and the end of its hold."""
+        """Return the error if each current is applied two ticks late.
+
+        One tick is the delay, and the other is the end of the hold.
+        """
         builder = self.builder
         rate, output_range = builder.conditioning.rate, builder.output_range
         crossing = rate * CROSSING_TIME_S
         ticks = int(np.clip(crossing, 8, MAX_CROSSING_TICKS))
-        wave = 1.0 - np.abs((np.arange(4 * ticks) / ticks) % 2.0 - 1.0)  # 0..1, twice to and fro
+        wave = 1.0 - np.abs((np.arange(4 * ticks) / ticks) % 2.0 - 1.0)  # two cycles 0..1..0
         gap = builder.scales.gap_at(wave)
         demand = output_range.demand(
             0.05 + 0.9 * np.roll(wave, ticks // 2), gap, above_remanence=True
         )
         error = ticks / crossing * _delayed_error(builder.model, demand, gap)[2 * ticks :]
         note = (
-            f"a current of {rate:g} Hz at the end of its hold, one tick of delay before "
-            f"it, while demand and gap cross their ranges in {CROSSING_TIME_S:g} s; half as fast, half as much"
+            f"{rate:g} Hz: a current at the end of its hold after one tick of delay, while demand and "
+            f"gap cross their ranges in {CROSSING_TIME_S:g} s; proportional to their speed"
         )
         deviation = summarise_errors([("sample_rate", error)])
         return BudgetPart("sample_rate", "sample rate", deviation.worst, deviation.rms, note)
 
     def _measure_rate(self, reference_output: float) -> list[BudgetPart]:
-        """Follow demands as fast as was measured, with the layers and without."""
+        """Return the error for the fastest demands, with and without eddy-current lag."""
         builder, dynamic_model = self.builder, self.builder.dynamic_model
         if dynamic_model is None:
             return []
@@ -349,7 +357,7 @@ class CompensatorTrial:
             errors = []
             for path in paths:
                 current = make_twin(used, builder.io).run(path.demand, path.gap)
-                # A record begins at rest: a sample before the first tick, at which nothing flows.
+                # A record begins at rest: one sample without current precedes the first tick.
                 drive, gap = np.append(0.0, current), path.gap
                 gap = gap if gap is None else np.append(gap[0], gap)
                 time = np.arange(drive.size) / rate
@@ -361,7 +369,7 @@ class CompensatorTrial:
         compiled, static = measure(self.block), measure(self.static_block)
         titles = " and ".join(path.title for path in paths)
         note = (
-            f"{titles}, against the model with its layers; compiled at rest it would be "
+            f"{titles}, compared with the model with layers; without eddy currents it would be "
             f"{100.0 * static.worst / reference_output:.2g} %"
         )
         return [BudgetPart("rate", "rate", compiled.worst, compiled.rms, note)]
@@ -370,17 +378,17 @@ class CompensatorTrial:
 def _make_part(
     name: str, title: str, deviation: OutputDeviation, runs: Sequence[tuple[PathRun, FloatArray]]
 ) -> BudgetPart:
-    """Return the part of some runs, which says on which of them it was worst."""
+    """Return the part of some runs, with the path of the worst error in its note."""
     worst_path = next(run.path.title for run, _ in runs if run.path.name == deviation.path)
     return BudgetPart(name, title, deviation.worst, deviation.rms, f"worst in {worst_path}")
 
 
 def _delayed_error(model: Model, demand: FloatArray, gap: FloatArray) -> FloatArray:
-    """Output minus demand where each current acts two ticks late, at the gap of then.
+    """Return output minus demand if each current is applied two ticks late, at the later gap.
 
-    The iron's memory is advanced at the ticks alone. Between them the gap moves under a current
-    that rests and then leaps; iron comes back from such ripples, but the law of the model drifts
-    along them a little, at any rate, and this is not to be reported as an error of sampling.
+    The hysteresis state is updated at the ticks only. Between ticks, the gap moves under a constant
+    current that then jumps. Real iron returns from such ripples. The law of the model drifts along
+    them at any sample rate, and this drift is not a sampling error.
     """
     iron, state = model.iron_at(float(gap[0])), np.zeros(model.operator_law.states)
     circuit = model.circuit(gap, np.zeros(gap.size))
@@ -390,7 +398,8 @@ def _delayed_error(model: Model, demand: FloatArray, gap: FloatArray) -> FloatAr
     for tick in range(gap.size - 2):
         at_tick, two_ticks_later = slice(tick, tick + 1), slice(tick + 2, tick + 3)
         drive, _, state, _, _ = iron.inverse(flux[at_tick], circuit.rho[at_tick], no_rate, state)
-        # The same current at the gap of two ticks later, where its turns count otherwise.
+        # The same current at the later gap, where turns and offset of the current have other
+        # values.
         later_drive = drive * circuit.turns[two_ticks_later] / circuit.turns[at_tick]
         later_drive = later_drive + circuit.turns[two_ticks_later] * (
             circuit.in_0[at_tick] - circuit.in_0[two_ticks_later]

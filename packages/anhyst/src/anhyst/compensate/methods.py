@@ -1,9 +1,9 @@
-"""Every method from a wanted force to a current, each fitted to the same loops.
+"""List all methods from force to current, and fit them to the same loops.
 
-Those without memory or with one play are in :mod:`.current_map`; those with a model, the inverse of
-the hysteresis, compiled as for a controller, and those that correct either by a Hall probe stand
-here. A later one is a file of its own, a name in :data:`~anhyst.support.kinds.MethodName`, and a
-row of `METHODS`.
+Single-valued maps and the map with one play operator are in :mod:`.current_map`. This module
+contains the compiled inverse of the hysteresis, and the methods that correct a map or an inverse
+with the flux density of a Hall probe. To add a method, write a file, a name in
+:data:`~anhyst.support.kinds.MethodName`, and a row of `METHODS`.
 """
 
 from __future__ import annotations
@@ -61,9 +61,9 @@ def restrict_model(
     forces: tuple[float, float],
     gaps: tuple[float, float],
 ) -> Model:
-    """Return a model that holds for one magnet of a bearing, and no further."""
+    """Return a model whose valid range is that of one magnet of a bearing."""
     if not is_actuator(model):
-        text = "model: a bearing needs one from current to force"
+        text = "model: a bearing needs a model from current to force"
         raise InputError(text, code="not-current-to-force", key="model")
     covered = model.valid_range.schedule
     if covered is None or gaps[0] < covered[0] - 1e-9 or gaps[1] > covered[1] + 1e-9:
@@ -71,8 +71,8 @@ def restrict_model(
             "no gap" if covered is None else f"gaps of {covered[0]:g} to {covered[1]:g} m"
         )
         raise InputError(
-            f"model: holds at {covered_text}, wanted are {gaps[0]:g} to {gaps[1]:g} m; identify it "
-            "from loops at more gaps or narrow the range",
+            f"model: is valid for {covered_text}, but needs {gaps[0]:g} to {gaps[1]:g} m; identify it "
+            "from loops at more gaps, or narrow the range",
             code="gaps-not-covered",
             key="model",
         )
@@ -81,10 +81,10 @@ def restrict_model(
 
 @dataclass(frozen=True)
 class HysteresisInverse:
-    """The inverse of hysteresis, compiled."""
+    """Compiled inverse of the hysteresis."""
 
-    block: Block  # in the number format of the controller
-    iterations: int  # evaluations of a search
+    block: Block  # parameter block in the number format of the controller
+    iterations: int  # maximum number of iterations
     flux_full_scale = 1.0
 
     @property
@@ -94,11 +94,11 @@ class HysteresisInverse:
 
     @property
     def constants(self) -> dict[str, float]:
-        """Evaluations of a search."""
+        """Maximum number of iterations."""
         return {"iterations": float(self.iterations)}
 
     def native(self, number_format: NumberFormat) -> Native:
-        """Return the core's own."""
+        """Return a new force controller of the core."""
         kind, words = self.block.kind, self.block.words
         if number_format == "fixed":
             return _core.FixedForceController.compensator(kind, words)
@@ -106,7 +106,7 @@ class HysteresisInverse:
 
 
 def compile_static_inverse(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
-    """Compile the full law as if its iron were thin: without what answers late."""
+    """Compile the full law without eddy-current lag, as for a laminated core."""
     model = None if sources.model is None else sources.model.at_rest
     return compile_inverse("full", replace(sources, model=model), number_format)
 
@@ -114,16 +114,18 @@ def compile_static_inverse(sources: Sources, number_format: NumberFormat) -> Hys
 def compile_inverse(
     kind: Literal["full", "simplified"], sources: Sources, number_format: NumberFormat
 ) -> HysteresisInverse:
-    """Compile as for a controller; floats of thin iron that pulls take the tables of fixed point."""
+    """Compile the inverse of the hysteresis as for a controller.
+
+    Floating point uses the tables of fixed point if the core is laminated and the force has one
+    sign.
+    """
     model, operating = sources.model, sources.operating
     if model is None:
         raise InputError("this method needs a model; identify one from the loops", code="no-model")
     restricted = restrict_model(model, operating.currents, operating.forces, operating.gap_range)
     has_layers = kind == "full" and restricted.has_layers
     restricted = restricted if has_layers else restricted.at_rest
-    needs_float_tables = number_format != "fixed" and (
-        has_layers or operating.is_bipolar
-    )  # tables for floats
+    needs_float_tables = number_format != "fixed" and (has_layers or operating.is_bipolar)
     io: Io = "f32" if needs_float_tables else "q31"
     request = CompileRequest(kind, io, operating.rate)
     plan = cached_result("plans", lambda: make_plan(restricted, request, 0), restricted, request)
@@ -133,20 +135,18 @@ def compile_inverse(
 
 @dataclass(frozen=True)
 class FluxGains:
-    """How the measured flux density corrects the current."""
+    """Gains of the loop that corrects the current by the measured flux density."""
 
-    proportional: float  # A/T
-    integral: float  # in a tick, A/T
-    anti_windup: (
-        float  # share of a current beyond the limits which the integral takes back in a tick
-    )
-    # share of a step of the wanted flux density that is expected to show a tick later
+    proportional: float  # proportional gain, A/T
+    integral: float  # integral gain per tick, A/T
+    anti_windup: float  # share of a limited current that the integral removes in a tick
+    # share of a step of the demanded flux density that is expected in the next tick
     smoothing: float
-    crossover: float  # of the flux loop, rad/s
+    crossover: float  # crossover frequency, rad/s
 
     @property
     def as_array(self) -> FloatArray:
-        """The gains in the order of ``anhyst_flux_loop``."""
+        """Gains in the order of ``anhyst_flux_loop``."""
         return np.array([self.proportional, self.integral, self.anti_windup, self.smoothing])
 
 
@@ -155,13 +155,14 @@ def design_flux_loop(
 ) -> FluxGains:
     """Design the flux loop.
 
-    The flux follows the current at once but for delay and lag, so an integral alone would close the
-    loop. The proportional part takes the lag away, once; what is left is an integral behind the
-    delay and half a tick, the integral's own. The crossover is half the inverse of these two. That
-    leaves a phase margin of 61 degrees without lag. The proportional part takes the lag of several
-    low-passes for that of one, which costs some: 52 degrees are left behind amplifier and probe of
-    the bundled bearing, 34 where eddy currents of 100 us come on top. The gain is that of the gap
-    where the flux answers most, so that no gap is faster than designed.
+    The flux follows the current immediately, except for delay and lag. A pure integral would
+    therefore close the loop. The proportional part cancels the lag once. The remaining loop is an
+    integral with the delay and half a tick of its own. The crossover frequency is half the inverse
+    of their sum. Without lag, this gives a phase margin of 61 degrees. The proportional part treats
+    the lag of several low-passes as one first-order lag, which reduces the margin: to 52 degrees
+    with amplifier and probe of the bundled bearing, and to 34 degrees with additional eddy currents
+    of 100 us. The gain is that of the gap with the largest flux per current, so that no gap has a
+    higher crossover.
     """
     tick = 1.0 / rate
     column = int(np.clip(np.searchsorted(surface.force, force), 1, surface.force.size - 2))
@@ -181,29 +182,30 @@ def design_flux_loop(
 
 
 MAX_ADDED_CURRENT_SHARE = 0.05
-"""Of the largest current: what a flux loop adds to that of a law at most, so that a probe that fails
-costs accuracy and not the flight."""
+"""Largest current that a flux loop adds to that of a law, relative to the largest current. If the
+probe fails, the accuracy decreases, but the armature stays levitated."""
 
 
 @dataclass(frozen=True)
 class FluxLoop:
-    """How the measured flux density corrects the current of a method."""
+    """Correction of the current of a method by the measured flux density."""
 
-    # T, at both ends of the force, on equal steps of the gap; shape (g, 2). Between them it goes with
-    # the root of the force, or where that has a sign, straight with it
+    # demanded flux density, T, at the smallest and largest force, on a regular grid of gaps; shape
+    # (g, 2). In between it is proportional to the square root of the force, or linear if forces
+    # have both signs
     flux_table: FloatArray
-    scales: Scales  # of the method
+    scales: Scales  # full scales of the method
     gains: FluxGains
-    rate: float  # ticks a second, Hz
+    rate: float  # sample rate, Hz
 
     @cached_property
     def full_scale(self) -> float:
-        """Flux density that counts as 1.0 in fixed point, T."""
+        """Flux density that is 1.0 in fixed point, T."""
         return round_full_scale(float(self.flux_table.max()))
 
     @property
     def constants(self) -> dict[str, float]:
-        """Crossover and gains."""
+        """Crossover frequency and gains."""
         return {
             "crossover_Hz": self.gains.crossover / (2.0 * math.pi),
             "k_p_A_per_T": self.gains.proportional,
@@ -211,7 +213,7 @@ class FluxLoop:
         }
 
     def words(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-        """Return table and gains as fixed point takes them."""
+        """Return table and gains as fixed-point words."""
         flux_per_current = self.full_scale / self.scales.current
         rows = [
             to_factor("proportional of the flux loop", self.gains.proportional * flux_per_current),
@@ -224,7 +226,7 @@ class FluxLoop:
 
 
 def _make_flux_loop(sources: Sources, surface: Surface, scales: Scales) -> FluxLoop:
-    """Design the loop around a method with these scales."""
+    """Design the flux loop for a method with given scales."""
     operating, calibration = sources.operating, sources.flux_calibration
     if calibration is None:
         raise InputError(
@@ -240,9 +242,9 @@ def _make_flux_loop(sources: Sources, surface: Surface, scales: Scales) -> FluxL
 
 @dataclass(frozen=True)
 class FluxFeedback:
-    """A map, corrected by the measured flux density."""
+    """Current map with a correction by the measured flux density."""
 
-    map: CurrentMap  # current over force and gap
+    map: CurrentMap  # current map
     loop: FluxLoop
 
     @property
@@ -252,16 +254,16 @@ class FluxFeedback:
 
     @property
     def flux_full_scale(self) -> float:
-        """Flux density that counts as 1.0 in fixed point, T."""
+        """Flux density that is 1.0 in fixed point, T."""
         return self.loop.full_scale
 
     @property
     def constants(self) -> dict[str, float]:
-        """Crossover and gains of the flux loop."""
+        """Crossover frequency and gains of the flux loop."""
         return self.loop.constants
 
     def native(self, number_format: NumberFormat) -> Native:
-        """Return the core's own."""
+        """Return a new force controller of the core."""
         table, loop = self.map, self.loop
         if number_format == "fixed":
             return _core.FixedForceController.flux(
@@ -272,7 +274,7 @@ class FluxFeedback:
 
 
 def fit_flux_feedback(sources: Sources, _: NumberFormat) -> FluxFeedback:
-    """Design the flux loop around the best current without memory."""
+    """Design the flux loop for the best single-valued map."""
     surface = sources.surface()
     table = make_current_map(surface.current, sources.operating, {})
     return FluxFeedback(table, _make_flux_loop(sources, surface, table.scales))
@@ -280,16 +282,16 @@ def fit_flux_feedback(sources: Sources, _: NumberFormat) -> FluxFeedback:
 
 @dataclass(frozen=True)
 class FusedInverse:
-    """The inverse of the hysteresis, corrected by the measured flux density."""
+    """Inverse of the hysteresis with a correction by the measured flux density."""
 
     inverse: HysteresisInverse
     loop: FluxLoop
-    limits: tuple[float, float]  # of the current, A
-    force_low: float  # of the table of the flux density, N
+    limits: tuple[float, float]  # limits of the current, A
+    force_low: float  # smallest force of the flux table, N
 
     @property
     def max_added_current(self) -> float:
-        """Current that the loop adds at most, A."""
+        """Largest current that the loop adds, A."""
         return MAX_ADDED_CURRENT_SHARE * self.limits[1]
 
     @property
@@ -299,16 +301,16 @@ class FusedInverse:
 
     @property
     def flux_full_scale(self) -> float:
-        """Flux density that counts as 1.0 in fixed point, T."""
+        """Flux density that is 1.0 in fixed point, T."""
         return self.loop.full_scale
 
     @property
     def constants(self) -> dict[str, float]:
-        """Numbers of the inverse and of the flux loop."""
+        """Constants of the inverse and of the flux loop."""
         return self.inverse.constants | self.loop.constants
 
     def native(self, number_format: NumberFormat) -> Native:
-        """Return the core's own."""
+        """Return a new force controller of the core."""
         native, scales = self.inverse.native(number_format), self.scales
         if isinstance(native, _core.FixedForceController):
             codes = (to_q31(end / scales.current) for end in (self.max_added_current, *self.limits))
@@ -326,7 +328,7 @@ class FusedInverse:
 
 
 def compile_fused_inverse(sources: Sources, number_format: NumberFormat) -> FusedInverse:
-    """Compile the full law, and design the flux loop around it."""
+    """Compile the full law, and design the flux loop for it."""
     inverse, operating = compile_inverse("full", sources, number_format), sources.operating
     force_low = -operating.is_bipolar * inverse.scales.demand
     loop = _make_flux_loop(sources, sources.surface(), inverse.scales)
@@ -338,12 +340,11 @@ Role = Literal["baseline", "model", "sensor"]
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """One way from a wanted force to a current."""
+    """One method from force to current."""
 
-    # ``"model"``: with a model of the iron; ``"sensor"``: with another sensor; ``"baseline"``: with
-    # neither
+    # ``"model"``: uses a model; ``"sensor"``: uses a Hall probe; ``"baseline"``: uses neither
     role: Role
-    # from what is known of a magnet and a number format to the parameters
+    # fits the parameters from the sources, for a number format
     fit: Callable[[Sources, NumberFormat], MethodParameters]
 
 
@@ -367,5 +368,5 @@ MODEL_METHODS = tuple(name for name, method in METHODS.items() if method.role ==
 def make_compensator(
     method: MethodName, sources: Sources, number_format: NumberFormat
 ) -> ForceController:
-    """Fit a way from force to current."""
+    """Fit a method, and return its force controller."""
     return ForceController(method, number_format, METHODS[method].fit(sources, number_format))

@@ -1,10 +1,10 @@
-"""How far a held output drifts: small movements that come again and again, for a minute.
+"""Measure how far a held output drifts while gap or sensors repeat small movements.
 
-A law of the Jiles-Atherton family forgets by the whole way that the field goes, and whatever the
-compiled law does otherwise than the model adds up along it: the ripple of a table under a gap that
-vibrates is enough. So a demand is held while the gap moves or sensors are noisy, and whenever both
-are back at home the output is compared with what it was the first time: the same demand at the same
-gap. What the first movement changes is no drift: it is judged with the paths of the budget.
+A Jiles-Atherton law accommodates with the travel of the field. Any difference between compiled law
+and model then accumulates: even table errors under a vibrating gap are enough. The simulation holds
+a demand while the gap vibrates or walks, or while the sensors are noisy. At each return of demand
+and gap to their home values, it compares the output with that of the first return. The change due
+to the first movement is not drift; the accuracy budget includes it.
 """
 
 from __future__ import annotations
@@ -20,50 +20,61 @@ from anhyst.compensate.plan import Plan
 from anhyst.model.actuator import Model
 from anhyst.support.numeric import FloatArray
 
-HOLD_TIME_S, NOISE_TIME_S = 60.0, 10.0
-"""For which a demand is held, and for which sensors are noisy or the gap walks at random."""
+HOLD_TIME_S = 60.0
+"""Time for which a demand is held, at standstill or with a vibrating gap."""
+
+NOISE_TIME_S = 10.0
+"""Time for which a demand is held with sensor noise or with a random walk of the gap."""
 
 MAX_SIMULATED_RATE_HZ = 20_000.0
-"""Ticks a second that are simulated at most: faster ones divide the same movements more finely."""
+"""Maximum simulated sample rate. A faster controller divides the same movements more finely."""
 
-RETURN_PERIOD_S, MIN_RETURN_TICKS = 0.01, 16
-"""Seconds after which gap and demand are back at home, exactly, and the ticks of that at least: a
-vibration of 100 Hz, or slower at a slow controller."""
+RETURN_PERIOD_S = 0.01
+"""Period after which gap and demand return exactly to the home values: a vibration of 100 Hz."""
+
+MIN_RETURN_TICKS = 16
+"""Minimum number of ticks of a return period. A slow controller gets a slower vibration."""
 
 RETURNS_PER_BATCH = 20
-"""Returns that are computed at once."""
+"""Number of returns that are computed in one batch."""
 
 DEMAND_LEVELS = (0.2, 0.5, 0.8)
-"""Held outputs, in parts of what can be reached."""
+"""Held outputs, as fractions of the reachable range."""
 
 VIBRATION_AMPLITUDES = (1.0 / 60.0, 1.0 / 6.0)
-"""Of the vibration, in parts of the range of the gap: 5 and 50 um of 0.3 mm."""
+"""Amplitudes of the vibration, as fractions of the range of the gap: 5 and 50 um for 0.3 mm."""
 
 WALK_SPREAD = 1.0 / 12.0
-"""Spread of the gap's random walk between two returns, in parts of its range."""
+"""Spread of the random walk of the gap between two returns, as a fraction of its range. The walk is
+clipped at three times this value."""
 
-DEMAND_NOISE, GAP_NOISE = 5e-4, 5e-4
-"""Standard deviation, in parts of the ranges: what a position controller makes of its sensor's
-noise, and the sensor's own."""
+DEMAND_NOISE = 5e-4
+"""Standard deviation of the demand, as a fraction of its range: a position controller amplifies
+the noise of its sensor to this size."""
+
+GAP_NOISE = 5e-4
+"""Standard deviation of the measured gap, as a fraction of its range."""
 
 SEED = 5
 APPROACH_RAMP_TICKS = 100
-"""Half of the ticks in which a demand rises to where it is held, or rises to the largest and falls."""
+"""Ticks of each of two ramps before a hold: up to the largest demand and down to the held one.
+Without this detour, one ramp up has twice as many ticks."""
 
 _STATE_TOLERANCE = 1e-12
 
 Movement = Callable[[np.random.Generator, int], tuple[FloatArray, FloatArray]]
-"""From the ticks of one return to what demand and gap move from home, in parts of their ranges."""
+"""Returns the changes of demand and gap from home during one return, as fractions of their ranges.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class HeldDemand:
     """One demand that was held."""
 
-    title: str  # what moved
-    demand: float  # in units of the output
-    seconds: float  # for how long
-    drift: float  # largest change of the output at home since its first return, in its unit
+    title: str  # description of the movement
+    demand: float  # held demand, in units of the output
+    seconds: float  # duration, s
+    drift: float  # largest change of the output since the first return, in its unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,11 +83,11 @@ class _Case:
     movement: Movement
     seconds: float
     is_periodic: bool
-    gap_amplitude: float = 0.0  # how far the gap goes, in parts of its range
+    gap_amplitude: float = 0.0  # largest movement of the gap, as a fraction of its range
 
 
 def measure_drift(plan: Plan) -> list[HeldDemand]:
-    """Hold demands under a plan's compensator and let the model say what becomes of the output."""
+    """Hold demands with the compensator of a plan, and measure the drift of the model's output."""
     return [
         _hold_demand(plan, plan.builder.output_range, case, level)
         for case in _list_cases(plan.model.needs_schedule)
@@ -126,7 +137,7 @@ def _sample_noise(random: np.random.Generator, ticks: int) -> tuple[FloatArray, 
 
 
 def _hold_demand(plan: Plan, output_range: OutputRange, case: _Case, level: float) -> HeldDemand:
-    """Hold one demand after a rise and after a descent; return the larger drift."""
+    """Hold one demand after an ascending and after a descending approach; return the larger drift."""
     scales = plan.block.scales
     span, home_gap = scales.gap_span, 0.5 * (scales.gap_low + scales.gap_high)
     extreme_gaps = np.array(
@@ -152,9 +163,9 @@ def _hold_demand(plan: Plan, output_range: OutputRange, case: _Case, level: floa
 def _max_drift(
     plan: Plan, home_gap: float, case: _Case, approach: FloatArray, demand_span: float
 ) -> float:
-    """Return the largest change of the output at home since its first return, in its unit.
+    """Return the largest change of the output since the first return, in its unit.
 
-    A movement that repeats itself ends as soon as everything repeats itself.
+    A periodic movement ends early if compensator and model have returned to the same states.
     """
     random = np.random.default_rng(SEED)
     rate = min(plan.request.rate, MAX_SIMULATED_RATE_HZ)
@@ -180,7 +191,7 @@ def _max_drift(
 
 
 class _CompensatedModel:
-    """A compensator, and the exact model that gets its currents, both going on where they are."""
+    """A compensator and the exact model that receives its currents; both keep their states."""
 
     def __init__(self, plan: Plan, home: float) -> None:
         self.model: Model = plan.model
@@ -201,11 +212,11 @@ class _CompensatedModel:
 
     @property
     def memory(self) -> tuple[FloatArray, FloatArray]:
-        """Memory of compensator and model."""
+        """Hysteresis states of compensator and model."""
         return np.array(self.twin.memory, dtype=np.float64), self.state.copy()
 
     def has_returned(self, earlier: tuple[FloatArray, FloatArray]) -> bool:
-        """Whether both remember what they remembered then: from there on all repeats itself."""
+        """Whether both states are those of an earlier return; further returns then repeat."""
         twin_memory, model_state = self.memory
         return np.array_equal(twin_memory, earlier[0]) and np.allclose(
             model_state, earlier[1], _STATE_TOLERANCE, _STATE_TOLERANCE

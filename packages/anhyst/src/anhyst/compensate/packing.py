@@ -1,4 +1,9 @@
-"""How a parameter block is filled: what all kinds share, and the tables that a law adds."""
+"""Fill a parameter block with words and tables, and add its checksum.
+
+All kinds share the limits of the signals, the start-up sequence and the tables over the gap
+(`BlockFrame`). Each law adds its own tables (`LawTables`). `Packer` converts numbers to the number
+format and lays the block out.
+"""
 
 from __future__ import annotations
 
@@ -56,9 +61,9 @@ from anhyst.support.units import MU_0
 
 
 def as_word(value: float, code_of_one: float, name: str) -> int:
-    """Round a number to a word in which `unit` is 1.0."""
+    """Round a number to a 16-bit word in which `code_of_one` is 1.0."""
     word = round(value * code_of_one)
-    word = 32767 if word == 32768 else word  # 1.0 is the largest number of its format
+    word = 32767 if word == 32768 else word  # 1.0 becomes the largest word
     if not -32767 <= word <= 32767:
         text = f"{name}: {value:g} does not fit its 16-bit word; widen the scale"
         raise InputError(text, code="too-large-for-fixed-point", key=name)
@@ -80,14 +85,14 @@ def split_factor(factor: float, name: str) -> tuple[int, int]:
 WORD_FORMATS = {
     (kind, word.name): word.format for kind, body in BODY_WORDS.items() for word in body
 }
-"""Format of each word of a kind, by its name."""
+"""Format of each word, by kind and name."""
 
 
 class Packer:
-    """Collects words and tables in a number format, and closes the block with its checksum.
+    """Collects words and tables in a number format, and makes a block with checksum.
 
-    Fixed point rounds every number to its word. In floating point a word is the number itself, and
-    a shift that belongs to a weight is 0.
+    In fixed point, each number is rounded to a word. In floating point, a word is the number
+    itself, and a shift that belongs to a weight is 0.
     """
 
     def __init__(
@@ -107,11 +112,11 @@ class Packer:
         return self.number_format == "fixed"
 
     def put_integer(self, name: str, value: int) -> None:
-        """Put an integer."""
+        """Set a word to an integer."""
         self._head[WORD_INDEX_OF_KIND[self.kind][name]] = value
 
     def put_number(self, name: str, value: float, key: str, min_word: int = -32767) -> None:
-        """Put a number; `least` is its smallest word, and `key` names it in a message."""
+        """Set a word to a number of at least `min_word`; messages contain `key`."""
         index = WORD_INDEX_OF_KIND[self.kind][name]
         code_of_one = CODE_OF_ONE[WORD_FORMATS[self.kind, name]]
         self._head[index] = (
@@ -119,7 +124,7 @@ class Packer:
         )
 
     def put_limit(self, name: str, value: float, scale: float, key: str) -> None:
-        """Put a limit of a signal; the rounded word times the rounded scale is never beyond it."""
+        """Set a limit of a signal; rounded word times rounded scale never exceeds the limit."""
         self.put_number(name, value / scale, key)
         if not self.is_fixed:
             real = np.float32 if self.number_format == "f32" else np.float64
@@ -129,34 +134,34 @@ class Packer:
             self._head[WORD_INDEX_OF_KIND[self.kind][name]] = word
 
     def put_weight(self, name: str, factor: float, key: str) -> None:
-        """Put a positive factor as a weight, and its exponent in the word NAME_SHIFT."""
+        """Set a positive factor as a weight, and its exponent in the word NAME_SHIFT."""
         weight, shift = split_factor(factor, key) if self.is_fixed else (factor, 0)
         self._head[WORD_INDEX_OF_KIND[self.kind][name]] = weight
         self.put_integer(f"{name}_SHIFT", shift)
 
     def put_single(self, name: str, value: float) -> None:
-        """Put a number of two words."""
+        """Set a number of single precision, which takes two words."""
         index = WORD_INDEX_OF_KIND[self.kind][name]
         self._head[index : index + 2] = split_single(value) if self.is_fixed else (value, 0.0)
 
     def put_table(
         self, name: str, values: FloatArray, code_of_one: float, min_word: int = -32767
     ) -> None:
-        """Put a table of numbers, or rows of one, in which the word `unit` is 1.0 in fixed point."""
+        """Add a table; in fixed point, the word `code_of_one` is 1.0."""
         words = np.asarray(values, dtype=np.float64)
         if self.is_fixed:
             words = np.maximum(np.rint(words * code_of_one), min_word)
             if np.abs(words).max() > 32767 or np.abs(np.diff(words)).max(initial=0) > 32767:
                 largest = float(np.abs(values).max())
                 raise InputError(
-                    f"table {name.lower()}: {largest:.3g} does not fit into its 16 bits, which end "
-                    f"at {32767 / code_of_one:.3g}; narrow the model's [valid], or correct its parameters",
+                    f"table {name.lower()}: {largest:.3g} exceeds the range of its 16-bit words, "
+                    f" {32767 / code_of_one:.3g}; narrow the model's [valid], or correct its parameters",
                     code="too-large-for-fixed-point",
                 )
         self._tables[name] = words.ravel()
 
     def make_block(self, scales: Scales, limits: DemandLimits) -> Block:
-        """Lay everything out."""
+        """Lay out the block and add its checksum; equal tables are stored once."""
         for name, value in (
             ("SCALE_DEMAND", scales.demand),
             ("SCALE_CURRENT", scales.current),
@@ -181,8 +186,8 @@ class Packer:
             self.put_integer(name, tables[name][0])
         if end > (MAX_BLOCK_WORDS if self.is_fixed else MAX_FLOAT_BLOCK_WORDS):
             raise InputError(
-                f"the parameter block needs {2 * end} bytes, a controller takes {2 * MAX_BLOCK_WORDS}; "
-                "ask for less accuracy",
+                f"the parameter block needs {2 * end} bytes, but a controller accepts {2 * MAX_BLOCK_WORDS}; "
+                "request a lower accuracy",
                 code="block-too-long",
             )
         self._head[WORD_INDEX["LENGTH"]] = end
@@ -194,7 +199,7 @@ class Packer:
 
 
 def _add_checksum(words: NDArray[Any]) -> WordArray:
-    """Put the checksum into its two words; it runs over the bytes of all others, low byte first."""
+    """Set the checksum of two words; it covers the bytes of all other words, low byte first."""
     index = WORD_INDEX["CRC"]
     crc = zlib.crc32(np.concatenate([words[:index], words[index + 2 :]]).tobytes())
     halves = np.array([crc & 0xFFFF, crc >> 16])
@@ -205,17 +210,17 @@ def _add_checksum(words: NDArray[Any]) -> WordArray:
 
 @dataclass(frozen=True)
 class LawTables:
-    """What a kind adds to a block: the tables of its law, with fields in a unit of its own."""
+    """Tables that a law adds to a block."""
 
-    # bias, and the currents for a flux and for a field of 1, at each place over the gap; shape (n,)
+    # bias, and coefficients for a flux and for a field of 1, at each gap; shape (n,)
     coefficients: tuple[FloatArray, FloatArray, FloatArray]
-    pack: Callable[[Packer], None]  # puts words and tables
-    offset: FloatArray | None = None  # output at zero flux at each place; None: that of the model
+    pack: Callable[[Packer], None]  # sets words and tables
+    offset: FloatArray | None = None  # output at zero flux at each gap; None: that of the model
 
 
 @dataclass(frozen=True)
 class BlockFrame:
-    """What a block has whatever its law: limits, start-up, and the tables over the gap."""
+    """Parts of a block that all laws share: limits, start-up sequence, and tables over the gap."""
 
     model: Model
     scales: Scales
@@ -225,19 +230,19 @@ class BlockFrame:
 
     @cached_property
     def gaps(self) -> FloatArray:
-        """Places over the gap at which a table has its entries, SI."""
+        """Gaps at which a table has entries, SI."""
         return gap_knots(self.model, self.scales, self.sizes)
 
     @cached_property
     def coefficients(self) -> CurrentCoefficients:
-        """How the model makes up a current at these places."""
+        """Coefficients of the current at these gaps."""
         return current_coefficients(self.model, self.gaps)
 
     def layer_fields(self, layers: Layers) -> tuple[float, float]:
-        """Return what a flux of 1 counts in the field of a layer, A/m: by its change in a tick, by itself.
+        """Return the field in a layer for a flux of 1, A/m: by its change in a tick, and by itself.
 
-        One tick is one implicit step of the diffusion. In a layer, as in :func:`arms_of`,
-        ``H = (x - alpha*(1-alpha)*M_s*flux)/(1-alpha)``.
+        A tick is one implicit step of the diffusion equation. As in :func:`current_coefficients`,
+        ``H = (x - alpha*(1-alpha)*M_s*flux)/(1-alpha)`` in a layer.
         """
         iron, unit, rate = (
             iron_parameters(self.model),
@@ -257,7 +262,7 @@ class BlockFrame:
         *,
         is_static: bool,
     ) -> Block:
-        """Put everything into a block; `still` leaves the lag of the flux out."""
+        """Make the block of a law; `is_static` omits the lag of the flux."""
         pack = Packer(kind, model_hash, number_format)
         self._pack_signals(pack)
         self._pack_flux(pack, law.offset)
@@ -272,7 +277,7 @@ class BlockFrame:
         return block
 
     def _pack_signals(self, pack: Packer) -> None:
-        """Put limits, units and start-up."""
+        """Set limits, units and start-up sequence."""
         model, scales, limits = self.model, self.scales, self.limits
         for name, value, scale in (
             ("DEMAND_LOW", limits.demand[0], scales.demand),
@@ -289,7 +294,7 @@ class BlockFrame:
         pack.put_integer("CONDITION_TICKS", self.conditioning.ramp_ticks)
 
     def _pack_flux(self, pack: Packer, offset: FloatArray | None) -> None:
-        """Put the way from demand to flux; `offset` instead of the model's."""
+        """Set the conversion from demand to flux; `offset` replaces that of the model."""
         model, scales = self.model, self.scales
         pack.put_integer("POWER", model.power)
         pack.put_integer("ROOT_KNEE", self.sizes.root_knee)
@@ -310,7 +315,7 @@ class BlockFrame:
         field: FloatArray,
         lag: FloatArray | None,
     ) -> None:
-        """Put how the current is made up, A for each unit of flux, field and lag."""
+        """Set the coefficients of the current, A for each unit of flux, field and lag."""
         full_scale = self.scales.current
         columns = (bias, flux, field) if lag is None else (bias, flux + lag, lag, field)
         spans = [max(np.abs(column).max(), np.abs(np.diff(column)).max()) for column in columns]
@@ -318,8 +323,8 @@ class BlockFrame:
         shift = max(0, int(np.ceil(np.log2(largest / MAX_WEIGHT)))) if pack.is_fixed else 0
         if shift > 8:
             raise InputError(
-                f"current: a unit of flux or field counts for {largest:.0f} times the full-scale "
-                "current, more than 16-bit words can weigh against each other; compile with --io f32",
+                f"current: a unit of flux or field needs {largest:.0f} times the full-scale current, "
+                "which exceeds the range of 16-bit words; compile with --io f32",
                 code="weights-too-uneven",
                 key="current",
             )
@@ -332,19 +337,19 @@ class BlockFrame:
             pack.put_table("GAP_LAG_ARM", lag / unit, WEIGHT_UNIT, min_word=0)
 
     def _explain_rejection(self, block: Block) -> InputError:
-        """Return why the core does not take a block."""
+        """Return the reason why the core rejects a block."""
         least_drive_slope = least_slope(self.model, self.gaps).min()
         if least_drive_slope < 1.0 and block.is_fixed:
             return InputError(
-                f"alpha: the output all but jumps at some currents (least slope of the drive "
-                f"{least_drive_slope:.2g} of that without iron), nearer than 16-bit tables can follow; "
+                f"alpha: the output nearly jumps at some currents (smallest slope of the drive "
+                f"{least_drive_slope:.2g} of that without iron), too steep for 16-bit tables; "
                 "compile with --io f32",
                 code="tables-too-steep",
                 key="alpha",
             )
         return InputError(
-            "[parameters]: the tables of a block cannot hold a law of these magnitudes; correct the "
-            "parameters",
+            "[parameters]: a law of these magnitudes does not fit into the tables of a block; correct "
+            "the parameters",
             code="law-beyond-the-tables",
             key="parameters",
         )

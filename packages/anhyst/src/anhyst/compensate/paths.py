@@ -1,4 +1,10 @@
-"""Which outputs a magnet can reach, and the demands along which a compensator is measured."""
+"""Find the outputs that an actuator can reach, and make test demands within this range.
+
+The range is measured on the model, for currents within their limits, at several gaps. The test
+demands are nested triangles, random reversals, jumps and random walks, with a fixed or a moving
+gap. A fast demand is a triangle wave. The table search and the accuracy budget measure a
+compensator on these paths.
+"""
 
 from __future__ import annotations
 
@@ -12,29 +18,35 @@ from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 
 MAX_OUTPUT_SHARE = 0.98
-"""Of the largest output that the largest current gives: a demand must be reachable to be judged."""
+"""Highest demand, as a fraction of the output range between the smallest and the largest current.
+The rest keeps every demand reachable."""
 
 WALK_STEP = 0.005
-"""Of a random walk, in parts of the range: many of them make the way of one reversal."""
+"""Standard deviation of one step of a random walk, as a fraction of the range. It is small, so that
+one stroke between two reversals takes many steps."""
 
 RANGE_GAPS = 33
-"""Places over the gap at which it is found out what can be reached."""
+"""Number of gaps at which the reachable output is calculated."""
 
-FAST_CYCLES, MAX_FAST_TICKS = 3, 8000
-"""Of fast demands: cycles, and ticks of all of them at most."""
+FAST_CYCLES = 3
+"""Number of cycles of a fast demand."""
+
+MAX_FAST_TICKS = 8000
+"""Maximum number of ticks of a fast demand, also if it then has fewer cycles."""
 
 FAST_BAND = (0.1, 0.6)
-"""Of fast demands, in parts of what can be reached at rest: they take more current."""
+"""Lowest and highest value of a fast demand, as fractions of the static range. A fast demand needs
+more current than a slow one, so the upper part of the range is not used."""
 
 
 @dataclass(frozen=True)
 class DemandPath:
-    """A demand over a gap, sample by sample."""
+    """A demand and a gap for each sample."""
 
-    name: str  # key of the path
-    title: str  # what it is, for a reader
-    demand: FloatArray  # in units of the output; shape (n,)
-    # scheduling variable, SI; None where the model does not need it; shape (n,)
+    name: str  # short identifier, such as ``reversals``
+    title: str  # description for a reader
+    demand: FloatArray  # demand, in units of the output; shape (n,)
+    # scheduling variable (gap), SI; None if the model does not need it; shape (n,)
     gap: FloatArray | None
 
 
@@ -43,17 +55,21 @@ class OutputRange:
     """Range of the output at each gap, for currents within their limits."""
 
     scales: Scales
-    has_gap: bool  # whether the gap matters
-    gaps: FloatArray  # scheduling variable, SI; shape (g,)
-    # smallest demand that is asked for, and largest, in units of the output; shape (g,)
+    has_gap: bool  # whether the output depends on the gap
+    gaps: FloatArray  # scheduling variable (gap), SI; shape (g,)
+    # lowest and highest demand, in units of the output; shape (g,)
     low: FloatArray
     high: FloatArray
-    remanent: FloatArray  # output that the smallest current leaves after the largest; shape (g,)
+    remanent: FloatArray  # output at the lowest current, after the highest current; shape (g,)
 
     def demand(
         self, fraction: FloatArray, gap: FloatArray, above_remanence: bool = False
     ) -> FloatArray:
-        """Return demands at parts 0..1 of the range; `lifted` above what a current can leave."""
+        """Return the demands for fractions 0..1 of the range.
+
+        With `above_remanence`, the range starts 3 % above the output that remains at the lowest
+        current.
+        """
         bottom = self.remanent + 0.03 * (self.high - self.remanent) if above_remanence else self.low
         low, high = (np.interp(gap, self.gaps, end) for end in (bottom, self.high))
         return np.asarray(low + (high - low) * fraction)
@@ -61,7 +77,7 @@ class OutputRange:
     def paths(
         self, *, above_remanence: bool = False, seed: int = 1, length: int = 1
     ) -> list[DemandPath]:
-        """Return everything that a compensator is measured on."""
+        """Return all paths on which a compensator is measured."""
         collected = []
         for name, (title, fraction, gap_fraction) in _make_shapes(
             self.has_gap, seed, 1500 * length
@@ -73,14 +89,18 @@ class OutputRange:
         return collected
 
     def fast_paths(self, max_frequency: float, rate: float) -> list[DemandPath]:
-        """Return demands as fast as a model was seen to hold, and a tenth of it; the gap moves slowly."""
+        """Return triangle waves at the highest frequency of a model, and at a tenth of it.
+
+        `max_frequency` and `rate` are in Hz. A `max_frequency` of 0 means rate/200; the limit is
+        rate/20. The gap moves slowly.
+        """
         max_frequency = min(max_frequency or rate / 200.0, rate / 20.0)
         collected = []
         for frequency in (max_frequency, 0.1 * max_frequency):
             ticks = min(round(FAST_CYCLES * rate / frequency), MAX_FAST_TICKS)
             phase = np.arange(ticks) * frequency / rate
             fraction = 1.0 - np.abs(2.0 * (phase % 1.0) - 1.0)
-            onset = np.minimum(phase / 0.5, 1.0)  # from rest
+            onset = np.minimum(phase / 0.5, 1.0)  # start-up from zero demand
             gap = self.scales.gap_at(0.5 * (1.0 - np.cos(2.0 * np.pi * phase / FAST_CYCLES)))
             low, high = (FAST_BAND[0] * onset, FAST_BAND[0] + (FAST_BAND[1] - FAST_BAND[0]) * onset)
             demand = self.demand(low + (high - low) * fraction, gap)
@@ -92,7 +112,7 @@ class OutputRange:
 
 
 def find_output_range(model: Model, scales: Scales, limits: DemandLimits) -> OutputRange:
-    """Find out which outputs can be reached over the gap."""
+    """Calculate the outputs that can be reached at each gap."""
     gaps = np.linspace(scales.gap_low, scales.gap_high, RANGE_GAPS)
     low, high = limits.current
     reversals = np.array([high, low, high, low])
@@ -112,7 +132,7 @@ def find_output_range(model: Model, scales: Scales, limits: DemandLimits) -> Out
 def _make_shapes(
     has_gap: bool, seed: int, size: int
 ) -> dict[str, tuple[str, FloatArray, FloatArray]]:
-    """Return title, demand and gap of each path, both 0..1."""
+    """Return the title, the demand and the gap of each path; demand and gap are fractions 0..1."""
     random = np.random.default_rng(seed)
     shapes = {
         "nested": (
@@ -151,7 +171,7 @@ def _make_shapes(
 
 
 def _nested_triangles() -> FloatArray:
-    """Triangles inside each other, from zero to the largest and around three middles; 0..1."""
+    """Return triangles of decreasing amplitude around three mean values; 0..1."""
     corners = [0.0]
     for middle in (0.5, 0.2, 0.8):
         for half in min(middle, 1.0 - middle) * np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05]):
@@ -164,7 +184,7 @@ def _nested_triangles() -> FloatArray:
 def _random_reversals(
     random: np.random.Generator, size: int, mean_interval: float = 25.0
 ) -> FloatArray:
-    """Return straight lines between random turning points at random times; 0..1."""
+    """Return straight lines between random levels at random times; 0..1."""
     times = np.concatenate([[0.0], np.cumsum(random.exponential(mean_interval, size))])
     levels = random.random(times.size)
     levels[0] = 0.0
@@ -174,7 +194,7 @@ def _random_reversals(
 
 
 def _random_levels(random: np.random.Generator, size: int) -> FloatArray:
-    """Return another level at every sample, half of them at one of the ends; 0..1."""
+    """Return a new random level at each sample; half of them are 0 or 1."""
     levels = random.random(size)
     is_extreme = random.random(size) < 0.5
     levels[is_extreme] = np.round(levels[is_extreme])
@@ -182,13 +202,16 @@ def _random_levels(random: np.random.Generator, size: int) -> FloatArray:
 
 
 def _random_walk(random: np.random.Generator, size: int) -> FloatArray:
-    """Return small random steps on top of each other, turning back at the ends; 0..1."""
+    """Return a random walk that is reflected at 0 and 1."""
     walk = random.random() + np.cumsum(random.normal(0.0, WALK_STEP, size))
     return np.abs((walk + 1.0) % 2.0 - 1.0)
 
 
 def _stepped_gaps(random: np.random.Generator, size: int, length: int) -> FloatArray:
-    """Return fractions 0..1 of the gap range, each held for ``length`` samples, both ends included."""
+    """Return fractions 0..1 of the gap range, each constant for `length` samples.
+
+    The first two are 0 and 1.
+    """
     levels = random.random(-(-size // length))
     levels[:2] = 0.0, 1.0
     return np.repeat(levels, length)[:size]

@@ -1,4 +1,8 @@
-"""What is compiled and how: scales of the signals, limits, sizes of tables, and why."""
+"""Plan how a model is compiled: signal scales, limits, table sizes and the start-up sequence.
+
+`make_plan` selects all of them for a model and a `CompileRequest`. The search takes the smallest
+tables that keep the requested accuracy.
+"""
 
 from __future__ import annotations
 
@@ -20,37 +24,39 @@ from anhyst.support.cache import c_name, check_c_name
 from anhyst.support.errors import InputError, NegativeResult
 
 RAMP_TIME_S = 0.25
-"""Duration of one ramp, where the ticks of the controller allow: slow for an amplifier."""
+"""Duration of one start-up ramp: slow for an amplifier. The number of ticks is limited to 2..32767.
+"""
 
 MAX_CYCLES = 16
 MAX_REMAINING_SHARE = 0.1
-"""Of the wanted accuracy: so much may be left of an unknown start."""
+"""Largest remaining difference after the start-up, as a fraction of the accuracy."""
 
 MAX_CYCLE_RATIO = 0.99
-"""What a further cycle leaves, in parts of what was left, from which on there is none: one cycle moves
-all plays that it reaches at all."""
+"""A further start-up cycle is not used if it leaves more than this fraction of the remaining
+difference. A single cycle moves all play operators that it reaches."""
 
 RAMP_SAMPLES = 60
-"""Samples of a ramp in the simulation; the model is exact at any sampling."""
+"""Number of samples of a ramp in the simulation. The model is exact at any sampling."""
 
 START_REVERSALS = (-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0)
-"""Turning points, over the largest current, after which the iron is left to itself."""
+"""Last currents before the start-up, relative to the largest current, of the tested histories."""
 
 
 @dataclass(frozen=True, slots=True)
 class StartUp:
-    """The sequence, and what is left of an unknown start after it."""
+    """Start-up sequence, and the difference that remains after it."""
 
-    conditioning: Conditioning  # as it stands in the parameter block
-    seconds: float  # how long it takes
-    # largest difference of the output afterwards between any two starts, in its unit
+    conditioning: Conditioning  # start-up sequence of the parameter block
+    seconds: float  # duration, s
+    # largest difference of the outputs after the sequence, for any two histories, in units of the
+    # output
     remaining_difference: float
 
 
 def plan_start_up(
     model: Model, scales: Scales, limits: DemandLimits, rate: float, accuracy: float
 ) -> StartUp:
-    """Choose the sequence."""
+    """Select the number of cycles of the start-up sequence."""
     ticks = int(np.clip(round(rate * RAMP_TIME_S), 2, 32767))
     cycles, remaining = 1, difference_after_start_up(model, scales, limits, 1)
     while remaining > MAX_REMAINING_SHARE * accuracy and cycles < MAX_CYCLES:
@@ -64,7 +70,10 @@ def plan_start_up(
 def difference_after_start_up(
     model: Model, scales: Scales, limits: DemandLimits, cycles: int
 ) -> float:
-    """Return the spread of outputs from different starts after a number of cycles, at any gap."""
+    """Return the largest difference of the outputs for different histories, over all gaps.
+
+    The model runs a number of start-up cycles, and then a test sequence.
+    """
     low, high = limits.current
     corners = [low, high] * cycles + [low]
     corners += [low + part * (high - low) for part in [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]]
@@ -91,16 +100,16 @@ def _start_histories(high: float) -> list[History]:
 
 
 CHECKED_GAPS = 65
-"""Places over the gap at which the model is looked at."""
+"""Number of gaps at which the flux gain of the model is checked."""
 
 ROUND_MANTISSAS = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-"""Full-scale values are one of these times a power of ten."""
+"""Full-scale values are one of these numbers times a power of ten."""
 
 DEFAULT_ACCURACY_PERCENT = 0.1
-"""Per cent of the largest output that formats and tables may cost where nothing else is asked."""
+"""Largest deviation due to formats and tables without ``--accuracy``, % of the largest output."""
 
-MIN_ACCURACY_PERCENT, MAX_ACCURACY_PERCENT = 1e-3, 50.0
-"""Accuracies that make sense, per cent."""
+MIN_ACCURACY_PERCENT = 1e-3
+MAX_ACCURACY_PERCENT = 50.0
 
 RATE_RANGE_HZ = (1.0, 1e6)
 
@@ -111,11 +120,12 @@ class CompileRequest:
 
     kind: Kind  # ``"full"`` or ``"simplified"`` (``"euler"`` is the baseline of the benchmarks)
     io: Io  # format of the signals: ``"q15"``, ``"q31"`` or ``"f32"``
-    rate: float  # ticks a second, 1 to 10^6
-    # Largest deviation from the model, per cent of the largest output. None: :data:`ACCURACY` for
-    # formats and tables, whatever the law itself is off.
+    rate: float  # sample rate, 1 to 10^6 Hz
+    # largest deviation from the model, % of the largest output; None:
+    # :data:`DEFAULT_ACCURACY_PERCENT` for formats and tables, without a limit for the
+    # simplification of the law
     accuracy: float | None = None
-    name: str | None = None  # What the actuator is called in C. None: after the model.
+    name: str | None = None  # name of the actuator in C; None: derived from the model
 
     def __post_init__(self) -> None:
         if not RATE_RANGE_HZ[0] <= self.rate <= RATE_RANGE_HZ[1]:
@@ -134,7 +144,7 @@ class CompileRequest:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """One decision of the plan: what was chosen, and why."""
+    """One choice of the plan, with its reason."""
 
     name: str
     value: str
@@ -143,29 +153,29 @@ class Decision:
 
 @dataclass(frozen=True)
 class Plan:
-    """How a model is compiled."""
+    """All choices for the compilation of a model."""
 
-    name: str  # of the actuator in C: the prefix of its files and identifiers
-    request: CompileRequest  # what was asked for
-    model: Model  # at rest
+    name: str  # name of the actuator in C: prefix of its files and identifiers
+    request: CompileRequest  # options of the user
+    model: Model  # static model, without lag and layers
     builder: BlockBuilder  # the model, with scales and limits
-    sizes: TableSizes  # of tables and searches
-    block: Block  # the parameters
-    static_block: Block  # those without what answers late: the same unless iron is solid or late
+    sizes: TableSizes  # sizes of tables and number of iterations
+    block: Block  # parameter block
+    static_block: Block  # block without eddy-current lag; the same block if the model has none
     start_up: StartUp  # the start-up sequence
-    search_result: SearchResult  # what the search tried
-    reference_output: float  # output to which per cent refer; as :func:`reference_output`
-    allowance: float  # what formats and tables may cost, in units of the output
+    search_result: SearchResult  # errors of all tested table sizes
+    reference_output: float  # 100 % of all relative figures; see :func:`reference_output`
+    allowance: float  # largest deviation due to formats and tables, in units of the output
 
 
 def round_full_scale(largest: float) -> float:
     """Return the next round value above the largest magnitude of a signal.
 
-    >>> full_scale(291.5), full_scale(3.01), full_scale(0.1)
+    >>> round_full_scale(291.5), round_full_scale(3.01), round_full_scale(0.1)
     (300.0, 4.0, 0.12)
     """
     decade = 10.0 ** np.floor(np.log10(largest))
-    # 1.0 itself has no code.
+    # The value 1.0 itself has no code.
     mantissa = next(
         candidate
         for candidate in ROUND_MANTISSAS
@@ -180,7 +190,10 @@ def largest_demand(limits: DemandLimits) -> float:
 
 
 def reference_output(model: Model, limits: DemandLimits) -> float:
-    """Return the largest demand; of what has no natural zero the range of demands, its stroke."""
+    """Return the output that is 100 %: the largest demand.
+
+    An output without a natural zero, such as a position, is related to the range of its demands.
+    """
     if output_map(model.output).has_natural_zero:
         return largest_demand(limits)
     return limits.demand[1] - limits.demand[0]
@@ -193,14 +206,16 @@ def make_plan(
     allowance_share: float = 1.0,
     scales: Scales | None = None,
 ) -> Plan:
-    """Decide how a model is compiled."""
+    """Select scales, limits, table sizes and start-up sequence for a model.
+
+    The search may use only `allowance_share` of the allowed deviation.
+    """
     if (reason := find_compile_obstacle(model)) is not None:
         raise InputError(reason, code="no-fixed-point-form")
     dynamic_model = model if model.has_layers or model.has_lag else None
     if model.layers is not None and request.kind != "full":
         raise InputError(
-            "layers: solid iron is compiled with --kind full; give that, or take the model at rest "
-            "(at_rest)",
+            "layers: a solid core needs --kind full; give it, or use the static model (at_rest)",
             code="layers-need-full",
             key="layers",
         )
@@ -239,9 +254,12 @@ def make_plan(
 
 
 def not_computed_error(error: InputError | NegativeResult) -> InputError:
-    """Return the error of a model whose law ends within its own limits; `error` says where."""
+    """Return the error for a model whose law cannot be calculated within its own limits.
+
+    `error` states where the calculation failed.
+    """
     return InputError(
-        f"[valid]: the law cannot be computed within these limits ({error}); narrow them, or "
+        f"[valid]: the law cannot be calculated within these limits ({error}); narrow them, or "
         "correct the parameters",
         code="not-computed",
         key="valid",
@@ -249,10 +267,10 @@ def not_computed_error(error: InputError | NegativeResult) -> InputError:
 
 
 def find_limits(model: Model) -> DemandLimits:
-    """Return the limits of demand and current: where the model was seen to hold."""
+    """Return the limits of demand and current: the valid range of the model."""
     valid = model.valid_range
     low, high = valid.output
-    # A force is the square of the flux: what the sensor read below zero was noise.
+    # A force is proportional to the square of the flux. Negative measured values are noise.
     limits = DemandLimits((max(low, 0.0) if model.power == 2 else low, high), valid.input)
     schedule = valid.schedule
     ranges = [("output", limits.demand), ("input", limits.current)]
@@ -261,8 +279,7 @@ def find_limits(model: Model) -> DemandLimits:
     for name, (low, high) in ranges:
         if not low < high:
             raise InputError(
-                f"[valid]: the range of the {name}, {low:g} to {high:g}, has no room for a "
-                "compensator; give its ends",
+                f"[valid]: the range of the {name}, {low:g} to {high:g}, is empty; give its limits",
                 code="range-too-narrow",
                 key="valid",
             )
@@ -270,7 +287,7 @@ def find_limits(model: Model) -> DemandLimits:
 
 
 def _largest_demand_word(model: Model, limits: DemandLimits) -> float:
-    """Return the largest magnitude of a demand's words: its ends, the way to them from zero flux."""
+    """Return the largest magnitude of a demand or of its distance from the output at zero flux."""
     largest = largest_demand(limits)
     if output_map(model.output).has_natural_zero:
         return largest
@@ -281,7 +298,7 @@ def _largest_demand_word(model: Model, limits: DemandLimits) -> float:
 
 
 def find_scales(model: Model, limits: DemandLimits) -> Scales:
-    """Return what 1.0 of each signal means: round values, the gap's range as it is."""
+    """Return the full scales of the signals: round values, except for the range of the gap."""
     gap_low, gap_high = model.valid_range.schedule or (0.0, 0.0)
     return Scales(
         demand=round_full_scale(_largest_demand_word(model, limits)),

@@ -1,4 +1,4 @@
-"""The parameter block of a map with one play, in every number format."""
+"""Pack a current map with one play operator into a parameter block, in every number format."""
 
 from __future__ import annotations
 
@@ -33,10 +33,11 @@ def pack_play(
     tables: Mapping[str, NDArray[np.int16] | FloatArray],
     model_hash: int,
 ) -> Words:
-    """Return a block of words by their names in the layout, with checksum.
+    """Return a parameter block from words by name and tables, with checksum.
 
-    A word of a floating-point block is the value that the fixed-point word stands for. A word that
-    begins with ``SCALE`` is a single: two words in fixed point, one in floating point.
+    A word of a floating-point block contains the value that the fixed-point word represents. A word
+    whose name begins with ``SCALE`` has single precision: two words in fixed point, one in floating
+    point.
     """
     row = np.zeros(MIN_BLOCK_WORDS)
     for word, halves in (("MAGIC", MAGIC), ("MODEL", (model_hash & 0xFFFF, model_hash >> 16))):

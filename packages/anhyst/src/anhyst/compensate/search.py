@@ -1,4 +1,9 @@
-"""Sizes of tables and searches: the smallest memory that meets the wanted accuracy."""
+"""Search for the smallest tables that keep the requested accuracy.
+
+The search measures the error of each table size alone, with all other sizes fine. Then it tests
+combinations in the order of their memory, and takes the first one whose total error is small
+enough.
+"""
 
 from __future__ import annotations
 
@@ -24,22 +29,28 @@ from anhyst.support.block_layout import MAX_BLOCK_WORDS, MIN_BLOCK_WORDS
 from anhyst.support.numeric import FloatArray
 
 TARGET_SHARE = 0.9
-"""Of the wanted accuracy is used up on the path of the plan; the budget measures another one."""
+"""Fraction of the allowance that the search may use. The rest is a margin, because the budget is
+measured on other paths."""
 
 MAX_CONVERGED_RATIO = 1.05
-"""Iterations are enough when more of them gain less than a twentieth."""
+"""The number of iterations is sufficient if the worst error is at most this factor above that of
+many iterations."""
 
 SEARCH_PATH_LENGTH = 2
-"""Of the path of the plan."""
+"""Length of the paths of the search, relative to the standard paths."""
 
-ITERATION_SEED, ITERATION_PATH_LENGTH = 3, 10
-"""Path on which the number of iterations is found; it takes a long one to meet the rare miss."""
+ITERATION_SEED = 3
+
+ITERATION_PATH_LENGTH = 10
+"""Length of the paths on which the number of iterations is selected, relative to the standard
+paths. Long paths are needed because steps that need many iterations are rare."""
 
 MAX_GAP_ERROR_SHARE = 0.1
-"""Straight lines over the gap may move a simplified law by this part of what it is off itself."""
+"""Deviation due to linear interpolation over the gap that is ignored for a simplified law, as a
+fraction of the error of the law itself."""
 
 MAX_KNEE_SHARE = 0.1
-"""Of the wanted accuracy may go into the straight start of the root."""
+"""Fraction of the accuracy that the linear start of the square root may use."""
 
 GAP_SEGMENT_RANGE = range(7)
 CLOSED_FORM_SIZES = {"octaves": range(6, 15), "octave_segments": range(2, 6)}
@@ -49,7 +60,7 @@ TABLE_SIZES: dict[Kind, dict[str, range]] = {
     "simplified": CLOSED_FORM_SIZES,
     "euler": CLOSED_FORM_SIZES,
 }
-"""Sizes of the tables of each kind that are tried."""
+"""Table sizes that are tested for each kind."""
 
 MAX_WORDS_BY_KIND: dict[Kind, int] = {
     "full": 1024,
@@ -57,32 +68,32 @@ MAX_WORDS_BY_KIND: dict[Kind, int] = {
     "simplified": 1024,
     "euler": 1024,
 }
-"""Words of a block."""
+"""Maximum number of words of a block."""
 
 ITERATION_RANGE = range(2, 12)
 
 
 @dataclass(frozen=True)
 class SearchResult:
-    """Outcome of the search."""
+    """Result of the search."""
 
-    sizes: TableSizes  # what was chosen
-    error: float  # what they cost on the path of the plan, in units of the output
-    # for each axis the sizes tried alone, and what each costs
+    sizes: TableSizes  # selected sizes
+    error: float  # largest deviation on the paths of the search, in units of the output
+    # tested sizes of each table with their errors, while all other sizes are fine
     axis_errors: Mapping[str, list[tuple[int, float]]]
 
 
 Runs = list[tuple[PathRun, FloatArray]]
-"""Of a compensator on each path, and with losses on one; with its errors."""
+"""Runs of a compensator with their errors: one for each path, and one with losses."""
 
 
 def max_errors(runs: Runs) -> list[float]:
-    """Return the worst deviation of each run."""
+    """Return the largest error of each run."""
     return [float(np.abs(error).max()) for _, error in runs]
 
 
 class BlockSearch:
-    """Looks at each axis alone, then takes the smallest block of which the total is good enough."""
+    """Search for the smallest block whose total error is within the allowance."""
 
     def __init__(self, builder: BlockBuilder, allowance: float) -> None:
         self.builder = builder
@@ -93,7 +104,10 @@ class BlockSearch:
         self._fine_cache: dict[int, tuple[list[DemandPath], list[FloatArray]]] = {}
 
     def _select_root_knee(self) -> int:
-        """Flattest start of the root that may be afforded: it costs 2^(-2k)/4 of full scale."""
+        """Return the flattest start of the root whose error is small enough.
+
+        The error is 2^(-2k)/4 of full scale.
+        """
         full_scale = self.builder.scales.demand
         knees = range(2, 9)
         return next(
@@ -101,7 +115,7 @@ class BlockSearch:
         )
 
     def run(self) -> SearchResult:
-        """Search."""
+        """Run the search."""
         axes = {"gap_segments": self._gap_axis()}
         for name, values in TABLE_SIZES[self.kind].items():
             axes[name] = [
@@ -117,12 +131,12 @@ class BlockSearch:
                 break
         assert best is not None
         best_error, sizes = best
-        if self.kind != "cells":  # solved in closed form
+        if self.kind != "cells":  # play cells are solved in closed form
             sizes = replace(sizes, iterations=self._select_iterations(sizes))
         return SearchResult(sizes, best_error, axes)
 
     def _select_iterations(self, sizes: TableSizes) -> int:
-        """Return one more than the fewest iterations that are as good as many."""
+        """Return one more than the smallest number of iterations that is as good as many."""
         b = self.builder
         paths = b.output_range.paths(seed=ITERATION_SEED, length=ITERATION_PATH_LENGTH)
 
@@ -136,13 +150,17 @@ class BlockSearch:
         )
 
     def _total_error(self, sizes: TableSizes) -> float:
-        """Return what sizes cost; a simplified law must not hide its tables behind itself."""
+        """Return the error of some sizes.
+
+        For a simplified law this is at least the error of its tables alone, so that the error of
+        the law does not hide them.
+        """
         b = self.builder
         error = self._excess_error(compare_with_demand(b.model, b(sizes), b.io, self.paths)[1])
         return error if b.kind == "full" else max(error, self._table_error(sizes))
 
     def _excess_error(self, runs: Runs) -> float:
-        """Return what sizes and format cost on the worst path, beyond what the law is off."""
+        """Return the largest error of the runs that exceeds the error of the law on the same path."""
         return max(
             run_error - law_error
             for run_error, law_error in zip(max_errors(runs), self._law_errors, strict=True)
@@ -150,13 +168,13 @@ class BlockSearch:
 
     @cached_property
     def _fine_runs(self) -> Runs:
-        """Runs of the law of this kind itself."""
+        """Runs with fine tables in double precision."""
         b = self.builder
         return compare_with_demand(b.model, b.exact_block(FINE_SIZES), "f64", self.paths)[1]
 
     @cached_property
     def _law_errors(self) -> list[float]:
-        """Model error of the law alone on each path; 0 for the full law."""
+        """Largest error of the law alone on each path; 0 for the full law."""
         if self.builder.kind == "full":
             return [0.0] * (len(self.paths) + 1)
         return max_errors(self._fine_runs)
@@ -190,7 +208,7 @@ class BlockSearch:
         ]
 
     def _table_error(self, sizes: TableSizes) -> float:
-        """Return the error of the law's tables alone, at gaps that are nodes of the gap tables."""
+        """Return the error of the law's tables alone, at gaps that are knots of the gap tables."""
         b, block = self.builder, self.builder.exact_block(sizes)
         if b.kind == "full":
             snapped = snap_gaps(self.paths, b.model, b.scales, sizes)
@@ -199,7 +217,7 @@ class BlockSearch:
         return compare_outputs(snapped, predict_outputs(b.model, block, "f64", snapped), fine).worst
 
     def _fine_outputs(self, gap_segments: int) -> tuple[list[DemandPath], list[FloatArray]]:
-        """Return paths at gaps that are nodes of the gap tables, and outputs of fine tables there."""
+        """Return paths at knots of the gap tables, and the outputs of fine tables on them."""
         if gap_segments not in self._fine_cache:
             b, sizes = self.builder, replace(FINE_SIZES, gap_segments=gap_segments)
             snapped = snap_gaps(self.paths, b.model, b.scales, sizes)
@@ -210,7 +228,7 @@ class BlockSearch:
         return self._fine_cache[gap_segments]
 
     def _candidates(self, axes: Mapping[str, list[tuple[int, float]]]) -> list[TableSizes]:
-        """Return sizes that may be good enough, the smallest first; else the most promising."""
+        """Return the promising sizes by increasing memory; otherwise the most accurate sizes."""
         base_sizes = replace(FINE_SIZES, root_knee=self.root_knee)
         rows = []
         for choice in product(*axes.values()):
@@ -226,7 +244,7 @@ class BlockSearch:
 
 
 def count_words(kind: Kind, sizes: TableSizes) -> int:
-    """Return the length of a block, tables over the gap that are alike counted apart."""
+    """Return the length of a block in words; equal gap tables are counted separately."""
     gap = 5 * (2**sizes.gap_segments + 1)
     if kind == "full":
         n = sizes.curve_segments

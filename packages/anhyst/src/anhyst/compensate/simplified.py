@@ -1,13 +1,14 @@
-"""The parameter block of the simplified law: the paper's straight anhysteretic curve.
+"""Fit the simplified law to a model, and make its parameter block.
 
-With eqs. 19 and 20 the inverse has a closed form with one bounded state ``u`` that follows the
-flux (``packages/anhyst/tests/oracles/linear_anhysteretic.py`` has the derivation)::
+The simplified law is the paper's straight anhysteretic curve. With eqs. 19 and 20 its inverse has a
+closed form with one bounded state ``u`` that follows the flux (derivation in
+``packages/anhyst/tests/oracles/linear_anhysteretic.py``)::
 
-    current = bias(gap) + flux_arm(gap)*flux + lag_arm(gap)*u
+    current = bias(gap) + flux_coefficient(gap)*flux + lag_coefficient(gap)*u
 
-and only five numbers matter: the three arms, the rate at which ``u`` follows and ``nu``. They are
-fitted to what the full model does, in force, not derived from its parameters: a straight line
-through a bent curve is best where the work is done.
+Its five constants are the three coefficients, the rate at which ``u`` follows, and ``nu``. They are
+not derived from the parameters of the model. They are fitted to its response, with the error in the
+output. A straight line through a curve is then most accurate in the working range.
 """
 
 from __future__ import annotations
@@ -29,62 +30,64 @@ from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 FIT_LOOPS = ((0.05, 0.95), (0.3, 0.7), (0.05, 0.5), (0.5, 0.95))
-"""Turning points of the demands to which the arms are fitted, over the largest force at a gap."""
+"""Reversal points of the fitted demands, relative to the largest force at a gap."""
 
 SAMPLES_PER_CYCLE = 160
-"""Of one cycle of a demand; the closed form is exact at any sampling."""
+"""Number of samples of one cycle of a demand. The closed form is exact at any sampling."""
 
 FIT_CYCLES = 3
-"""Of each demand from the demagnetised state; the last one is fitted."""
+"""Number of cycles of each demand from the demagnetised state. The last one is fitted."""
 
 MAX_REVERSAL_SLOPE = 2000.0
-"""Slope after a reversal, rate/(1 - nu), that fits the format with a little to spare."""
+"""Largest slope after a reversal, rate/(1 - nu). It fits the number format with a small margin."""
 
 MAX_DEAD_BAND = 2.0**-11
-"""Largest dead band of the flux, of that of saturated iron.
+"""Largest dead band of the flux, relative to the flux of saturated iron.
 
-It is wider than the noise of a demand of 16 bits (4 codes) and of a current of 12 bits. Without it,
-this noise moved the current of the bundled magnet by up to 1005 of 32,768 codes in 0.1 s at rest.
+It is wider than the noise of a 16-bit demand (4 codes) and of a 12-bit current. Without it, this
+noise moved the current of the bundled magnet by up to 1005 of 32,768 codes in 0.1 s at standstill.
 """
 
 MAX_DEAD_BAND_STATE = 2.0**-6
-"""Largest change of the bounded state within the dead band: the error of a reversal that small."""
+"""Largest change of the bounded state within the dead band. This is the error of a reversal of that
+size."""
 
 OFFSET_PENALTY = 0.01
-"""An offset as low as can be must pay by so much of the worst error: where it hardly matters, it
-shall not jump from gap to gap."""
+"""Relative penalty on the cost for the lowest possible offset. It keeps the offset from jumping
+between gaps where it has little effect."""
 
 MIN_INDEPENDENT_SHARE = 1e-12
-"""Of its length a column must have beside those before it to say anything of its own."""
+"""Smallest part of a column that is independent of the columns before it, relative to its length. A
+column with less is ignored."""
 
 REWEIGHTING_STEPS = 6
-"""Of reweighting from the least squares towards the least worst error."""
+"""Number of reweighting steps from the least-squares fit toward the smallest maximum error."""
 
 
 @dataclass(frozen=True)
 class ClosedForm:
-    """The numbers of the simplified law."""
+    """Constants of the simplified law."""
 
-    rate: float  # distance ``z`` for each unit of flux (that of saturated iron)
+    rate: float  # distance ``z`` per unit of flux (that of saturated iron)
     nu: float  # in [0, 1)
-    gaps: FloatArray  # scheduling variable at which the arms hold, SI; shape (g,)
+    gaps: FloatArray  # scheduling variable of the coefficients, SI; shape (g,)
     bias: FloatArray  # in units of the input; shape (g,)
     flux_coefficient: FloatArray
     lag_coefficient: FloatArray
-    # what is left against the full model over the fitted demands, in units of the output
+    # errors relative to the full model over the fitted demands, in units of the output
     max_error: float
     mean_error: float
-    # Output at zero flux there; None: that of the model. Below it, the root of the demand bends
-    # less, and so straightens what a straight anhysteretic curve cannot follow near saturation;
-    # shape (g,)
+    # output at zero flux at each gap, or None for that of the model. A lower offset straightens the
+    # square root of the demand, which the straight anhysteretic curve cannot follow near
+    # saturation; shape (g,)
     offset: FloatArray | None = None
-    # reversals of the flux up to this size leave the bounded state unchanged when it returns
+    # flux reversals up to this size do not change the bounded state
     dead_band: float = 0.0
 
 
 @dataclass(frozen=True)
 class _FitTask:
-    """Demands at one gap as flux, the current the full model gives, and newtons for an ampere."""
+    """One demand at one gap: its flux, the current of the full model, and weights in N/A."""
 
     demand: FloatArray
     flux: FloatArray
@@ -94,7 +97,7 @@ class _FitTask:
 
 
 def _make_tasks(model: Model, gap: float, limits: DemandLimits) -> list[_FitTask]:
-    """Return what the full model does at one gap, one task a demand."""
+    """Return the response of the full model at one gap, one task for each demand."""
     circuit = model.circuit(np.array([gap]), np.zeros(1))
     unit = flux_unit(model)
     current = np.array([limits.current[0], limits.current[1]])
@@ -109,7 +112,8 @@ def _make_tasks(model: Model, gap: float, limits: DemandLimits) -> list[_FitTask
         inverse = model.invert(demand, np.full(demand.size, gap), history="demagnetised")
         flux = (inverse.flux_density / unit).astype(np.float64)
         last_cycle = slice(flux.size - SAMPLES_PER_CYCLE, None)
-        # Newtons that an ampere is worth: by the flux, since current and flux run all but parallel.
+        # Weight: change of the output per ampere. It is calculated from the flux, because current
+        # and flux are nearly proportional.
         current_per_flux = np.ptp(inverse.drive[last_cycle]) / np.ptp(flux[last_cycle])
         power = model.power
         weight = (
@@ -124,7 +128,7 @@ def _make_tasks(model: Model, gap: float, limits: DemandLimits) -> list[_FitTask
 
 
 def _apply_offset(model: Model, gap: float, tasks: list[_FitTask], offset: float) -> list[_FitTask]:
-    """Return the same demands with the flux that another offset makes of them."""
+    """Return the same demands with the flux for another offset."""
     scale = float(model.interpolate_parameter("c_out", np.array([gap]))[0]) * flux_unit(model) ** 2
     changed = []
     for task in tasks:
@@ -143,9 +147,9 @@ def state_curve(nu: float, z: FloatArray) -> FloatArray:
 
 
 def table_distances(sizes: TableSizes) -> FloatArray:
-    """Return where the table of the closed form has its entries: as many in each octave up to 16.
+    """Return the distances of the table entries: the same number in each octave up to 16.
 
-    Below the first octave, which ends at ``16/2**octaves``, there are as many again.
+    The range below the first octave, which starts at ``16/2**octaves``, has the same number.
     """
     n = 2**sizes.octave_segments
     first_end = 16.0 / 2.0**sizes.octaves
@@ -180,7 +184,7 @@ def _pack(rate: float, nu: float, dead_band: float, sizes: TableSizes, pack: Pac
 def _simulate_states(
     rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes
 ) -> list[FloatArray]:
-    """Return the bounded state along each row of fluxes, from the C that will run."""
+    """Return the bounded state along each row of fluxes, calculated by the C core."""
     pack = Packer("simplified")
     pack.put_integer("POWER", 1)
     pack.put_integer("ROOT_KNEE", sizes.root_knee)
@@ -210,7 +214,7 @@ def _simulate_states(
 def _fit_coefficients(
     groups: list[list[_FitTask]], states: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return bias, flux arm and lag arm of least worst error in force, and the errors: a row a gap."""
+    """Return the coefficients with the smallest maximum output error, and the errors, for each gap."""
     shape = len(groups), -1
     tasks = [task for group in groups for task in group]
     weight = np.array([task.weight for task in tasks]).reshape(shape)
@@ -240,9 +244,9 @@ def _fit_coefficients(
 
 
 def _solve_constrained(design: FloatArray, target: FloatArray) -> FloatArray:
-    """Return bias, flux arm and lag arm at each gap; more flux never needs less current.
+    """Return the least-squares coefficients at each gap, with a flux coefficient of at least 0.
 
-    Once u has reached its end, nothing would make up for a flux arm below zero.
+    A negative flux coefficient would reduce the current at higher flux once u is at its bound.
     """
     coefficients = _solve_least_squares(design, target)
     for gap in np.flatnonzero(coefficients[:, 1] < 0.0):
@@ -252,7 +256,7 @@ def _solve_constrained(design: FloatArray, target: FloatArray) -> FloatArray:
 
 
 def _solve_least_squares(design: FloatArray, target: FloatArray) -> FloatArray:
-    """Solve a row of small least-squares problems by Gram and Schmidt; what repeats counts once."""
+    """Solve one small least-squares problem per row by Gram-Schmidt; dependent columns are ignored."""
     columns, residual, count = design.copy(), target.copy(), len(design)
     r = np.zeros((target.shape[0], count, count))
     rhs = np.zeros((target.shape[0], count))
@@ -281,7 +285,7 @@ def _fit_offset(
     offset_margin: float,
     sizes: TableSizes,
 ) -> tuple[float, list[_FitTask]]:
-    """Find the offset at one gap that leaves the least error, and the demands with it."""
+    """Return the offset with the smallest error at one gap, and the demands with this offset."""
     model_offset = float(model.interpolate_parameter("out_0", np.array([gap]))[0])
 
     def cost(reduction: float) -> float:
@@ -308,14 +312,14 @@ def fit_closed_form(
     sizes: TableSizes | None = None,
     offset_margin: float = 0.0,
 ) -> ClosedForm:
-    """Fit the simplified law to a model over its working range, in force."""
+    """Fit the simplified law to the output of a model over its working range."""
     sizes = sizes or TableSizes()
     unique_gaps = np.unique(gaps)
     groups = [_make_tasks(model, float(gap), limits) for gap in unique_gaps]
     if not all(np.all(np.isfinite(task.weight)) for tasks in groups for task in tasks):
         raise InputError(
-            "[valid]: demands within these limits do not move the flux, so there is nothing a "
-            "simplified law could be fitted to; correct them, or compile with --kind full",
+            "[valid]: demands within these limits do not change the flux, so that a simplified law "
+            "cannot be fitted; correct them, or compile with --kind full",
             code="flux-not-moved",
             key="valid",
         )
@@ -333,7 +337,7 @@ def fit_closed_form(
     errors = np.abs(residual)
     if np.any(coefficients[:, 2] <= 0.0):
         raise InputError(
-            "the model has no hysteresis that a simplified law could follow; compile with "
+            "the model has no hysteresis that a simplified law can describe; compile with "
             "--kind full",
             code="no-hysteresis",
         )
@@ -356,14 +360,14 @@ def fit_closed_form(
 def _fit_at(
     groups: list[list[_FitTask]], rate: float, nu: float, sizes: TableSizes
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the best arms at each gap, and the errors they leave."""
+    """Return the best coefficients at each gap, and their errors."""
     return _fit_coefficients(
         groups, _simulate_states(rate, nu, [task.flux for tasks in groups for task in tasks], sizes)
     )
 
 
 def _search_rate_and_nu(groups: list[list[_FitTask]], sizes: TableSizes) -> tuple[float, float]:
-    """Find the rate and nu that are best for all gaps."""
+    """Return the best rate and nu for all gaps."""
 
     def cost(point: FloatArray) -> float:
         rate, nu = float(np.exp(point[0])), float(1.0 / (1.0 + np.exp(-point[1])))
@@ -383,7 +387,7 @@ def _search_rate_and_nu(groups: list[list[_FitTask]], sizes: TableSizes) -> tupl
 
 
 def make_simplified_law(frame: BlockFrame, law: ClosedForm) -> LawTables:
-    """Return the closed form over the gap; the place of the field takes the bounded state."""
+    """Return the tables of the closed form; the bounded state takes the place of the field."""
     offset = None if law.offset is None else np.interp(frame.gaps, law.gaps, law.offset)
     coefficients = (
         np.interp(frame.gaps, law.gaps, coefficient)

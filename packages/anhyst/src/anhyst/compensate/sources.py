@@ -1,6 +1,6 @@
-"""What a force controller is fitted to: what is known of its magnet, and where it works.
+"""Collect the inputs of a force controller: measured loops or a model, and the operating range.
 
-Where no loops were measured, they are those of the model.
+If no loops were measured, :func:`simulate_loops` calculates them from the model.
 """
 
 from __future__ import annotations
@@ -23,36 +23,38 @@ from anhyst.support.numeric import FloatArray
 
 @dataclass(frozen=True)
 class FluxCalibration:
-    """A static series with the probe in place, and how fast the current follows."""
+    """Static measurements with the Hall probe, and the dynamics of the current."""
 
-    gap: FloatArray  # m, N, and T as the probe reads it; shape (n,)
+    gap: FloatArray  # gap in m, force in N, measured flux density in T; shape (n,)
     force: FloatArray
     flux_density: FloatArray
-    delay: float  # from a sample to the output of the current found from it, s
-    # of the flux density that is read behind the current's reference, s: amplifier, eddy currents
-    # and probe together
+    delay: float  # time from a sample to the output of its current, s
+    # lag of the measured flux density after the reference of the current, s: amplifier, eddy
+    # currents and probe together
     lag: float
 
     def __post_init__(self) -> None:
         for name in ("gap", "force", "flux_density"):
             values = np.asarray(getattr(self, name), dtype=np.float64)
             if values.ndim != 1 or values.size != np.size(self.force) or values.size == 0:
-                text = f"flux calibration: {name} must have one value a point"
+                text = f"flux calibration: {name} must have one value per point"
                 raise InputError(text, code="length-differs", key=name)
             if not np.isfinite(values).all():
                 raise InputError(
-                    f"flux calibration: {name} holds what is no number", code="not-finite", key=name
+                    f"flux calibration: {name} contains a value that is not a number",
+                    code="not-finite",
+                    key=name,
                 )
             object.__setattr__(self, name, values)
         if not (self.delay > 0.0 and self.lag >= 0.0):
-            text = "flux calibration: the delay must be above zero, the lag not below"
+            text = "flux calibration: the delay must be above zero, and the lag at least zero"
             raise InputError(text, code="delay-not-above-zero")
 
     def density_at(self, force: FloatArray, gap: FloatArray) -> FloatArray:
-        """Return the flux density that belongs to a force, T.
+        """Return the flux density for a force, T; shape (gaps, forces).
 
-        At each measured gap it is the root of the force times the best constant, least squares, or
-        of what goes both ways the best straight line over it; straight lines between the gaps.
+        At each measured gap it is a fitted constant times the square root of the force. If forces
+        have both signs, it is a fitted straight line. Between the gaps it is interpolated linearly.
         """
         knots = np.unique(self.gap)
         if force[0] < 0.0:
@@ -67,7 +69,7 @@ class FluxCalibration:
             root = np.sqrt(self.force[rows])
             constant = float(root @ self.flux_density[rows] / (root @ root)) if rows.any() else 0.0
             if not constant > 0.0:
-                text = f"flux calibration: at gap {knot:g} m no flux density grows with the force"
+                text = f"flux calibration: at gap {knot:g} m the flux density does not increase with the force"
                 raise InputError(text, code="not-monotone")
             constants.append(constant)
         return np.asarray(np.interp(gap, knots, constants)[:, None] * np.sqrt(force)[None, :])
@@ -79,24 +81,24 @@ class FluxCalibration:
 
 @dataclass(frozen=True)
 class OperatingRange:
-    """Where a bearing works, and within which limits."""
+    """Operating point of a magnet, and its limits."""
 
-    gap: float  # around which the constants are fitted, m
-    force: float  # likewise, N
-    rate: float  # ticks a second, Hz
-    gap_range: tuple[float, float]  # least and largest gap of the controller, m
-    force_max: float  # largest force that is asked for, N
+    gap: float  # gap of the operating point, m
+    force: float  # force of the operating point, N
+    rate: float  # sample rate, Hz
+    gap_range: tuple[float, float]  # smallest and largest gap of the controller, m
+    force_max: float  # largest demanded force, N
     current_max: float  # largest current, A
-    is_bipolar: bool = False  # whether force and current go as far below zero
+    is_bipolar: bool = False  # whether the ranges of force and current are symmetric about zero
 
     @property
     def forces(self) -> tuple[float, float]:
-        """Least and largest force, N."""
+        """Smallest and largest force, N."""
         return -self.is_bipolar * self.force_max, self.force_max
 
     @property
     def currents(self) -> tuple[float, float]:
-        """Least and largest current, A."""
+        """Smallest and largest current, A."""
         return -self.is_bipolar * self.current_max, self.current_max
 
     def __post_init__(self) -> None:
@@ -114,16 +116,16 @@ class OperatingRange:
 
 @dataclass(frozen=True)
 class Sources:
-    """What is known of a magnet; each method uses what it needs."""
+    """Available information about a magnet; each method uses the part that it needs."""
 
     operating: OperatingRange  # operating point and limits
-    loops: Loops | None = None  # current to force; needed by every method without a model
-    model: Model | None = None  # identified from the same loops; needed by methods with a model
-    # needed by a method that measures the flux density
+    loops: Loops | None = None  # loops, current to force; required by methods without a model
+    model: Model | None = None  # from the same loops; required by methods with a model
+    # required by methods that measure the flux density
     flux_calibration: FluxCalibration | None = None
 
     def surface(self) -> Surface:
-        """Return the best current without memory that the loops show."""
+        """Return the best single-valued current over force and gap, fitted to the loops."""
         if self.loops is None:
             raise InputError("this method needs the measured loops; give them", code="no-loops")
         operating = self.operating
@@ -132,17 +134,17 @@ class Sources:
 
 
 LOOP_GAPS = 7
-"""Gaps at which a model is cycled."""
+"""Number of gaps at which loops of a model are simulated."""
 
 MINOR_LOOP_REVERSALS = (0.9, 0.1, 0.8, 0.2, 0.7, 0.3, 0.6, 0.4, 0.8, 0.6, 0.75, 0.65)
-"""Where the current turns in a record of minor cycles, of the largest."""
+"""Reversal points of the current in a record of minor loops, relative to the largest current."""
 
 RAMP_SAMPLES = 150
-"""Samples from no current to the largest."""
+"""Number of samples from zero to the largest current."""
 
 
 def find_operating_range(model: Model, rate: float) -> OperatingRange:
-    """Return where the map has to hold: all that the model does."""
+    """Return the operating range of a model: its whole valid range."""
     if not is_electromagnet(model) or model.valid is None or model.valid.schedule is None:
         raise InputError(
             "--kind play is for a magnet: current to force at several gaps, with [valid]; compile "
@@ -159,7 +161,7 @@ def find_operating_range(model: Model, rate: float) -> OperatingRange:
 
 
 def simulate_loops(model: Model, operating: OperatingRange) -> Loops:
-    """Return the whole loop and minor cycles of a model at several gaps."""
+    """Return the major loop and minor loops of a model at several gaps."""
     current_max = operating.current_max
     loops = []
     for gap in np.linspace(*operating.gap_range, LOOP_GAPS).tolist():
@@ -181,7 +183,10 @@ def _make_drive(reversals: Sequence[float], current_max: float) -> FloatArray:
 
 
 def make_ramps(reversals: Sequence[float], samples: int) -> list[FloatArray]:
-    """Return the ramps from each turn to the next, without their ends; samples per unit of travel."""
+    """Return the ramps between reversals, each without its last point.
+
+    `samples` is the number of samples per unit of travel.
+    """
     return [
         np.linspace(first, last, max(2, round(samples * abs(last - first))), endpoint=False)
         for first, last in pairwise(reversals)
@@ -191,7 +196,7 @@ def make_ramps(reversals: Sequence[float], samples: int) -> list[FloatArray]:
 def _simulate_record(
     model: Model, label: str, drive: FloatArray, first_sample: int, gap: float, history: History
 ) -> Loop:
-    """Return a record of a model without its first samples, which are its history."""
+    """Return a simulated record without its first samples, which are its history."""
     initial_state = "settled" if history.kind == "settled" else "demagnetised"
     force = model.predict(drive, gap, slow_times(drive.size), initial_state).output
     gaps = np.full(drive.size - first_sample, gap)

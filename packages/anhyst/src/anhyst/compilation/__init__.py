@@ -1,1 +1,1 @@
-"""From a model to verified fixed-point C: formats, tables, accuracy budget, sources."""
+"""Compile a model to verified fixed-point C: formats, tables, accuracy budget, sources."""

@@ -1,4 +1,4 @@
-"""The description of a controller for tools that speak XCP: its A2L."""
+"""Write the A2L description of a controller for XCP tools (ASAM MCD-2 MC, version 1.6)."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ _COMMANDS = (
     "ALLOC_ODT_ENTRY",
 )
 _READ_ONLY_WORDS = {word.name for word in HEAD_WORDS} - {"GENERATION"}
-"""Words that no tool may change: what they say of the block is checked, or computed anew."""
+"""Words that a tool must not change: they are checked or recalculated."""
 
 _MAX_SINGLE = 3.4028234e38
 
 
 @dataclass(frozen=True)
 class _Conversion:
-    """How a number becomes a quantity: slope*number + offset."""
+    """Linear conversion from a number to a quantity: slope*number + offset."""
 
     name: str
     unit: str
@@ -78,12 +78,12 @@ class _Conversion:
 
 @dataclass
 class _Conversions:
-    """Every method once, by what it does."""
+    """All conversions; equal ones are listed once."""
 
     by_content: dict[tuple[str, float, float], _Conversion] = field(default_factory=dict)
 
     def get(self, unit: str, slope: float, offset: float = 0.0) -> _Conversion:
-        """Return the method; new ones are numbered."""
+        """Return a conversion; new ones are numbered."""
         key = (unit, slope, offset)
         return self.by_content.setdefault(
             key, _Conversion(f"m{len(self.by_content)}", unit, slope, offset)
@@ -91,7 +91,7 @@ class _Conversions:
 
 
 def make_a2l(manifest: Mapping[str, Any]) -> str:
-    """Return the description of a controller in ASAM MCD-2 MC, version 1.6."""
+    """Return the A2L description of a controller."""
     rate = float(manifest["rate_Hz"])
     conversions = _Conversions()
     measurements = [
@@ -154,7 +154,7 @@ def make_a2l(manifest: Mapping[str, Any]) -> str:
 
 
 def tick_period(rate: float, max_count: int) -> tuple[int, int]:
-    """Return the period of a tick as a number up to `most`, and the power of ten of ns it counts."""
+    """Return a tick period as a number up to `max_count`, and the power of 10 of its unit in ns."""
     for power in range(10):
         ticks = (10 ** (9 - power) + int(rate) // 2) // int(rate)
         if ticks <= max_count:
@@ -165,7 +165,7 @@ def tick_period(rate: float, max_count: int) -> tuple[int, int]:
 def _value_entry(
     value: XcpValue, address: int, manifest: Mapping[str, Any], conversions: _Conversions
 ) -> dict[str, Any]:
-    """Return what stands in the A2L of a value of four bytes."""
+    """Return the entry of a value of four bytes."""
     row: dict[str, Any] = {
         "name": value.name,
         "doc": _quotable_text(value.doc),
@@ -183,7 +183,7 @@ def _value_entry(
 def _select_conversion(
     value: XcpValue, manifest: Mapping[str, Any], conversions: _Conversions
 ) -> _Conversion:
-    """Return what 1 of a value is worth."""
+    """Return the conversion of a value."""
     step = 1.0 / _CODE_OF_ONE[value.format]
     signals = manifest["signals"]
     if value.of == "position":
@@ -199,14 +199,14 @@ def _select_conversion(
 
 
 def _limit_ticks(value: XcpValue, rate: float) -> XcpValue:
-    """Return a setting as the boards limit it."""
+    """Return a setting with the limit that the boards apply."""
     if not value.name.endswith("_ticks"):
         return value
     return value._replace(high=min(value.high, math.ceil(rate * HEARTBEAT_MS / 1000)))
 
 
 def _limit_position(value: XcpValue, manifest: Mapping[str, Any]) -> XcpValue:
-    """Return an input as the controller limits it: a target to the positions that can be."""
+    """Return an input with the limits of the controller: a target is limited to possible positions."""
     if value.of != "position":
         return value
     settings = manifest["controller"]["settings"]
@@ -248,7 +248,7 @@ def _word_entries(
                 | {
                     "layout": "as_FLOAT32",
                     "entries": 1,
-                    "read_only": True,  # what the signals are counted in: a board takes no other
+                    "read_only": True,  # a board accepts no other scales
                     "method": conversion.name,
                 }
             )
@@ -266,5 +266,5 @@ def _address(word: int) -> str:
 
 
 def _quotable_text(text: str) -> str:
-    """Return a text that may stand between quotes."""
+    """Return a text that may be enclosed in quotes."""
     return re.sub(r"[\"\\\s]+", " ", text).strip()

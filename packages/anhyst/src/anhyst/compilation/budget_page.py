@@ -1,4 +1,4 @@
-"""The accuracy budget of a compensator as a page, and what was chosen and why."""
+"""Write the accuracy budget of a compensator, and the choices of its plan, as an HTML page."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ LSB = {"q15": 2.0**-15, "q31": 2.0**-31}
 
 
 def explain_choices(plan: Plan) -> list[Decision]:
-    """Say what was chosen and why, one entry a choice."""
+    """Return the choices of a plan with their reasons."""
     choices = [
         *_signal_choices(plan),
         _axis_choice(
-            plan, "gap_segments", "tables over the gap", "straight lines between the gaps"
+            plan, "gap_segments", "tables over the gap", "linear interpolation between the gaps"
         ),
     ]
     if plan.block.kind == "cells":
@@ -56,9 +56,9 @@ def explain_choices(plan: Plan) -> list[Decision]:
 
 def _cell_choices(plan: Plan) -> list[Decision]:
     errors, cells = dict(plan.search_result.axis_errors["cells"]), plan.sizes.cells
-    reason = f"so many thresholds cost {_percent_text(plan, errors[cells])}"
+    reason = f"this number of thresholds causes an error of {_percent_text(plan, errors[cells])}"
     if cells - 1 in errors:
-        reason += f"; {cells - 1} would cost {_percent_text(plan, errors[cells - 1])}"
+        reason += f"; {cells - 1} would cause {_percent_text(plan, errors[cells - 1])}"
     return [
         Decision("play cells with a threshold", f"{cells}", reason),
         _axis_choice(plan, "curve_segments", "row for each number of moving cells", "these tables"),
@@ -68,7 +68,7 @@ def _cell_choices(plan: Plan) -> list[Decision]:
 def _signal_choices(plan: Plan) -> list[Decision]:
     model, scales, io = plan.model, plan.block.scales, plan.request.io
     if io == "f32":
-        reason = "24 bits of mantissa: nothing has to be scaled"
+        reason = "24 bits of mantissa: no scaling is needed"
         return [Decision("signals", "single precision, SI units", reason)]
     step = LSB[io]
     rows = [
@@ -85,7 +85,7 @@ def _signal_choices(plan: Plan) -> list[Decision]:
             f"full scale of the {name}",
             f"{scale:g} {unit}",
             f"the next round value above {largest:.4g} {unit}; a step of {io} is "
-            f"{scale * step:.3g} {unit}, and 32 bits are carried inside",
+            f"{scale * step:.3g} {unit}, and the arithmetic uses 32 bits",
         )
         for name, scale, largest, unit in rows
     ]
@@ -98,7 +98,7 @@ def _signal_choices(plan: Plan) -> list[Decision]:
             Decision(
                 f"range of the {model.schedule.name}",
                 text,
-                "the measured range, so that no code is spent on places the model does not know",
+                "the measured range, so that all codes are within the range of the model",
             )
         )
     return choices
@@ -108,8 +108,8 @@ def _axis_choice(plan: Plan, axis: str, name: str, subject: str) -> Decision:
     chosen = getattr(plan.sizes, axis)
     errors = dict(plan.search_result.axis_errors[axis])
     if axis == "gap_segments" and not plan.model.needs_schedule:
-        return Decision(name, "constant", "nothing runs over the gap")
-    reason = f"{subject} cost {_percent_text(plan, errors[chosen])}"
+        return Decision(name, "constant", "nothing depends on the gap")
+    reason = f"{subject} cause an error of {_percent_text(plan, errors[chosen])}"
     if chosen - 1 in errors:
         reason += (
             f"; with {2 ** (chosen - 1)} it would be {_percent_text(plan, errors[chosen - 1])}"
@@ -124,8 +124,8 @@ def _closed_form_choices(plan: Plan) -> list[Decision]:
         Decision(
             "simplified law",
             f"rate {law.rate:.4g}, nu {law.nu:.4g}",
-            f"fitted in {plan.model.output.name.replace('_', ' ')} to what the model does over "
-            f"its range; worst {_percent_text(plan, law.max_error)} over settled triangles",
+            f"fitted in {plan.model.output.name.replace('_', ' ')} to the response of the model "
+            f"over its range; largest error {_percent_text(plan, law.max_error)} over steady-state triangles",
         )
     ]
     if plan.block.kind == "simplified":
@@ -135,8 +135,8 @@ def _closed_form_choices(plan: Plan) -> list[Decision]:
             Decision(
                 "closed form",
                 f"{sizes.octaves} octaves of {2**sizes.octave_segments} segments",
-                f"so few octaves cost {_percent_text(plan, octave_error)}, so few segments "
-                f"{_percent_text(plan, segment_error)}: the curve is sharp at its start and flat far out",
+                f"error due to the octaves {_percent_text(plan, octave_error)}, due to the segments "
+                f"{_percent_text(plan, segment_error)}: the curve is steep at its start and flat at its end",
             )
         )
     return choices
@@ -147,8 +147,8 @@ def _iteration_choice(plan: Plan) -> Decision:
     return Decision(
         "iterations",
         f"{plan.sizes.iterations} in {subject}",
-        "one more than the fewest that are as good as many, full-range jumps and lost currents "
-        "included; at most so many, since a search ends where its tangents lead to the target",
+        "one more than the smallest number that is as accurate as many, for full-range jumps and lost "
+        "currents too; this is the maximum, because a search ends when it reaches the target",
     )
 
 
@@ -161,8 +161,8 @@ def _root_choice(plan: Plan) -> Decision:
     return Decision(
         "root near zero",
         f"straight below {knee:.3g} {unit}",
-        f"the root's infinite slope would turn the last bit of a demand into a jump of current; "
-        f"costs at most {_percent_text(plan, knee / 4.0)} there",
+        f"the infinite slope of the root would turn the last bit of a demand into a jump of current; "
+        f"the error is at most {_percent_text(plan, knee / 4.0)} there",
     )
 
 
@@ -172,8 +172,8 @@ def _start_up_choice(plan: Plan) -> Decision:
     return Decision(
         "start-up",
         f"{cycles} triangle{'s' * (cycles > 1)} of current in {start_up.seconds:g} s",
-        "whatever the iron remembers at first, afterwards at most "
-        f"{_percent_text(plan, start_up.remaining_difference)} of it are left",
+        "the output afterwards depends on the earlier history by at most "
+        f"{_percent_text(plan, start_up.remaining_difference)}",
     )
 
 
@@ -182,18 +182,20 @@ def _percent_text(plan: Plan, value: float) -> str:
 
 
 PANEL_HEIGHT_IN = 2.1  # inches
+"""Height of a panel, inches."""
 MAX_PLOT_POINTS = 1200
-"""Drawn of a path; the largest of each stretch, so that no peak is lost."""
+"""Maximum number of points of a plotted path. Each point shows the extremes of an interval, so that
+no peak is lost."""
 
 
 def make_budget_page(
     plan: Plan, budget: Budget, choices: Sequence[Decision], signals: Sequence[str], version: str
 ) -> str:
-    """Return the page of a budget; `signals` says what their codes mean, a line each."""
+    """Return the page of a budget; each line of `signals` describes the codes of a signal."""
     worst, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
-    text = f"Compiled, the output is within {worst:.2g} % of what the model would give"
+    text = f"Compiled, the output is within {worst:.2g} % of the output of the model"
     if budget.required is not None:
-        text += f"; {percent(budget, budget.required):.3g} % was asked for"
+        text += f"; {percent(budget, budget.required):.3g} % was requested"
     head = Headline(
         title=f"{plan.model.name}: {plan.block.kind}, {plan.request.io}",
         description=f"{text}. Held, it drifts by {drift:.2g} % in {HOLD_TIME_S:g} s.",
@@ -202,21 +204,21 @@ def make_budget_page(
         tiles=(),
         comparison=None,
         validity=f"Per cent are of the largest demand, {budget.reference_output:.4g} {budget.unit}. Every "
-        "figure is measured: the currents of the compensator go through the model in double "
-        "precision, and what comes out is compared with what was demanded.",
+        "figure is measured: the currents of the compensator are applied to the model in double "
+        "precision, and its output is compared with the demand.",
     )
     sections = (
-        Section("parts", "What each step costs", (_parts_table(budget),)),
+        Section("parts", "Error of each step", (_parts_table(budget),)),
         Section("paths", "Deviation along the paths", _path_section(budget)),
-        Section("held", "Demands that are held", (_held_table(budget),)),
-        Section("choices", "What was chosen, and why", _choice_section(plan, choices)),
+        Section("held", "Held demands", (_held_table(budget),)),
+        Section("choices", "Choices and reasons", _choice_section(plan, choices)),
         Section("signals", "Signals", (_signal_table(signals),)),
     )
     return render_page(head, sections, version, kind="Accuracy budget", source="the model file")
 
 
 def _parts_table(budget: Budget) -> PageTable:
-    """Each part switched on alone, everything else exact; then the sums."""
+    """Return the table of all parts, each switched on alone, and of their sums."""
     sums = budget.compiled, budget.total, budget.drift
     largest = max(part.worst or 0.0 for part in (*budget.parts, *sums))
 
@@ -255,8 +257,8 @@ def _path_section(budget: Budget) -> tuple[Picture, PageTable]:
     shown = Picture(
         svg_text(_draw_deviations(budget), "paths"),
         "Deviation of the output from the demand along each path",
-        "Everything that compiling adds is switched on. Where the current stands at a limit, only "
-        "deviations to the wrong side count.",
+        "All compilation steps are switched on. If the current is at a limit, only deviations that "
+        "a current within the limits could reduce count.",
     )
     return shown, make_table("Every path", ["path", "samples", "worst [%]", "rms [%]"], rows)
 
@@ -275,15 +277,14 @@ def _held_table(budget: Budget) -> PageTable:
         "Every movement",
         ["while", f"demand [{budget.unit}]", "time [s]", "drift [%]"],
         rows,
-        "The same demand at the same gap, again and again: how far the output has moved since its "
-        "first return. A movement that repeats itself is followed until compensator and model "
-        "repeat themselves too.",
+        "Largest change of the output at the same demand and gap, since the first return. A periodic "
+        "movement is simulated until the states of compensator and model repeat too.",
     )
 
 
 def _choice_section(plan: Plan, choices: Sequence[Decision]) -> tuple[PageTable, Text]:
     rows = [[choice.name, choice.value, choice.reason] for choice in choices]
-    size = f"Altogether {plan.block.size} bytes of parameters."
+    size = f"The parameters take {plan.block.size} bytes."
     return make_table("Every choice", ["what", "chosen", "because"], rows, texts=3), Text(size)
 
 
@@ -298,7 +299,7 @@ def _signal_table(signals: Sequence[str]) -> PageTable:
 def _draw_deviations(budget: Budget) -> Figure:
     """Draw the deviation along each path."""
     rows = -(-len(budget.runs) // 2)
-    # Panels that are all alike need no search for room, which took a fifth of compiling.
+    # Fixed margins, because an automatic layout took a fifth of the compile time.
     figure = Figure((FIGURE_WIDTH_IN, PANEL_HEIGHT_IN * rows))
     figure.subplots_adjust(
         0.1, 0.5 / (PANEL_HEIGHT_IN * rows), 0.99, 1.0 - 0.3 / (PANEL_HEIGHT_IN * rows), 0.08, 0.65
@@ -320,7 +321,7 @@ def _draw_deviations(budget: Budget) -> Figure:
 
 
 def _envelope(error: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return places, lowest and highest value of stretches of equal length."""
+    """Return position, lowest and highest value of intervals of equal length."""
     edges = np.unique(np.linspace(0, error.size, min(MAX_PLOT_POINTS, error.size) + 1).astype(int))
     low, high = (np.asarray(f.reduceat(error, edges[:-1])) for f in (np.minimum, np.maximum))
     return edges[:-1].astype(np.float64), low, high

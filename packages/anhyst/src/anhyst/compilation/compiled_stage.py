@@ -1,4 +1,4 @@
-"""The controller of a stage as C: what is asked for, who compiles it, and what comes out."""
+"""Define request and result of compiling the controller of a stage."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ StageKind = Literal["full", "simplified", "play", "single-valued"]
 
 @dataclass(frozen=True, repr=False)
 class CompiledStage(CompiledFolder):
-    """What came out.
+    """Result of compiling the controller of a stage.
 
     Parameters
     ----------
     out : Path
         The folder.
     manifest : dict
-        What stands in ``manifest.json``, without the hashes of the files.
+        Content of ``manifest.json``, without the hashes of the files.
     files : tuple of str
         Names of the files.
     vectors : dict of str to array
-        The flight: what the controller was given and answered, a number a tick.
+        Golden vectors of a flight: inputs and answers of the controller, one number per tick.
     """
 
     vectors: dict[str, FloatArray]
 
     def facts(self) -> dict[str, str]:
-        """Return where it is and what it is."""
+        """Return folder, kind, formats and size of the stage."""
         manifest, stage = self.manifest, self.manifest["stage"]
         about = f"{len(stage['free'])} coordinates, {stage['magnets']} magnets"
         return {
@@ -51,7 +51,7 @@ class CompiledStage(CompiledFolder):
         }
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the flight."""
+        """Return the golden vectors of the flight."""
         return dict(self.vectors)
 
     def draw(self, ax: Axes) -> None:
@@ -65,16 +65,16 @@ class CompiledStage(CompiledFolder):
 
 @dataclass(frozen=True)
 class StageRequest:
-    """How the controller of a stage is compiled."""
+    """Options for compiling the controller of a stage."""
 
     kind: StageKind
     io: Io
-    rate: float | None  # ticks a second that are expected; the rig file says how many there are
-    name: str | None  # of the C functions; that of the rig if left out
+    rate: float | None  # expected sample rate, Hz; it must be that of the rig file
+    name: str | None  # name of the C functions; None: name of the rig
 
 
 class HasController(Protocol):
-    """A kind of rig whose controller can be compiled from the rig file."""
+    """Kind of rig whose controller can be compiled from the rig file."""
 
     def compile_controller(
         self, rig: PathLike, out: PathLike, request: StageRequest, progress: Progress | None

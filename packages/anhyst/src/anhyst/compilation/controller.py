@@ -1,4 +1,9 @@
-"""The position controller of an output folder, and its constants as C, with meaning and unit."""
+"""Convert a controller file to the constants of a position controller in C.
+
+`CheckedController` is a controller file that fits the requested compilation. `ControllerPlan`
+contains the controller in fixed point. The other functions write its limits, settings and gains as
+lines of C, each with its physical value.
+"""
 
 from __future__ import annotations
 
@@ -30,32 +35,33 @@ from anhyst.support.errors import InputError
 from anhyst.support.toml_file import FileFault, faults_error
 
 MAX_CURRENT_RATIO = 1.01
-"""Largest current of a controller, by the largest that was measured; as much for noise."""
+"""Largest current of a controller, relative to the largest measured current. The excess allows for
+noise."""
 
 
 @dataclass(frozen=True)
 class CheckedController:
-    """A controller file, read and found to fit what is asked for."""
+    """Controller file that fits the requested compilation."""
 
-    file: ControllerFile  # where it stands, and what it says
+    file: ControllerFile  # the file and its content
 
     @property
     def table(self) -> ControllerTable:
-        """What the file says."""
+        """Content of the file."""
         return self.file.settings
 
     @property
     def magnets(self) -> int:
-        """One, or two that pull against each other."""
+        """Number of magnets: 1, or 2 that pull in opposite directions."""
         return 1 if self.table.pair is None else 2
 
     @property
     def sha256(self) -> str:
-        """Of the file."""
+        """SHA-256 of the file."""
         return hashlib.sha256(self.file.path.read_bytes()).hexdigest()
 
     def restrict_model(self, model: Model) -> Model:
-        """Return the model for forces, currents and gaps of this controller alone."""
+        """Return the model with the range of this controller as its valid range."""
         table = self.table
         covered = None if model.valid is None else model.valid.schedule
         gap_limits = table.limits.gap_low_m, table.limits.gap_high_m
@@ -64,17 +70,17 @@ class CheckedController:
         return restrict_model(model, (0.0, table.limits.current_high_A), (0.0, force_max), gaps)
 
     def check_current(self, model: Model) -> None:
-        """Refuse currents that the model was never seen at."""
+        """Raise an error if the currents exceed the measured range of the model."""
         highest = self.table.limits.current_high_A
         if model.valid is not None and highest > MAX_CURRENT_RATIO * model.valid.input[1]:
             measured_max = model.valid.input[1]
-            text = f"the model was seen up to {measured_max:g} A; lower it, or measure further"
+            text = f"the model is valid up to {measured_max:g} A; lower it, or measure at higher currents"
             raise faults_error(
                 self.file.path, [FileFault(("limits", "current_high_A"), text, code="beyond-model")]
             )
 
     def make_controller_plan(self, plan: Plan) -> ControllerPlan:
-        """Return the controller around the compensator of a plan."""
+        """Return the position controller for the compensator of a plan."""
         table = self.table
         assert isinstance(plan.block, Block)
         with error_at_key(self.file):
@@ -92,26 +98,26 @@ class CheckedController:
 
 @dataclass(frozen=True)
 class ControllerPlan:
-    """A position controller in fixed point."""
+    """Position controller in fixed point."""
 
-    source: CheckedController  # what it was made from
-    control: PositionControl  # in SI units
-    block: Block  # of the compensator
-    settings: Settings  # as the core takes them, by name
-    uncompensated: CurrentMap  # drives while the compensation is switched off
+    source: CheckedController  # controller file
+    control: PositionControl  # controller in SI units
+    block: Block  # block of the compensator
+    settings: Settings  # settings of the core, by name
+    uncompensated: CurrentMap  # map that is used while the compensation is off
 
     @property
     def magnets(self) -> int:
-        """How many compensators it has."""
+        """Number of compensators."""
         return self.source.magnets
 
     @property
     def gains(self) -> NDArray[np.int32]:
-        """Words of the gains, as the core takes them."""
+        """Gains as words, in the order of the core."""
         return np.asarray(self.control.gains("fixed"), dtype=np.int32)
 
     def new_position_controller(self) -> FixedPosition:
-        """Return the very controller, just switched on, with compensators that remember nothing."""
+        """Return the core's controller in its initial state, with demagnetised compensators."""
         compensators = [
             FixedForceController.compensator(self.block.kind, self.block.words)
             for _ in range(self.magnets)
@@ -122,7 +128,7 @@ class ControllerPlan:
 def read_checked_controller(
     path: PathLike, request: CompileRequest, model_path: PathLike
 ) -> CheckedController:
-    """Read a controller file for a folder."""
+    """Read a controller file, and check that it fits the requested compilation."""
     file = read_controller(path)
     faults = [*_find_option_faults(file.settings, request), *_find_model_faults(file, model_path)]
     if faults:
@@ -137,25 +143,26 @@ def _find_option_faults(table: ControllerTable, request: CompileRequest) -> list
     if table.rate_Hz != request.rate:
         text = f"is {table.rate_Hz:g} Hz here and {request.rate:g} Hz in --rate; make them equal"
         faults.append(FileFault(("rate_Hz",), text, code="option-differs"))
-    if compensation.variant not in ("full", "simplified"):  # the others exist to be compared with
+    if compensation.variant not in (
+        "full",
+        "simplified",
+    ):  # others are for simulations
         text = f'"{compensation.variant}" is for comparison in simulations; write "full" or "simplified"'
         faults.append(FileFault(("compensation", "variant"), text, code="not-compilable"))
     elif compensation.variant != request.kind:
         text = f'is "{compensation.variant}" here and {request.kind} in --kind; make them equal'
         faults.append(FileFault(("compensation", "variant"), text, code="option-differs"))
     if compensation.format != "fixed":
-        text = (
-            f'"{compensation.format}" is for simulations; write "fixed", which goes with --io q31'
-        )
+        text = f'"{compensation.format}" is for simulations; write "fixed", the format of --io q31'
         faults.append(FileFault(("compensation", "format"), text, code="not-compilable"))
     if table.pair is None and table.limits.force_low_N < 0.0:
-        text = "a single magnet cannot push; raise it to 0, or describe the second in [pair]"
+        text = "a single magnet cannot push; raise it to 0, or describe the second magnet in [pair]"
         faults.append(FileFault(("limits", "force_low_N"), text, code="cannot-push"))
     return faults
 
 
 def _find_model_faults(file: ControllerFile, model_path: PathLike) -> list[FileFault]:
-    """Refuse another model than the one that the controller file names."""
+    """Return a fault if the controller file names another model than the compiled one."""
     if file.model is None:
         return []
     try:
@@ -168,13 +175,13 @@ def _find_model_faults(file: ControllerFile, model_path: PathLike) -> list[FileF
 
 
 def _check_format(table: ControllerTable, request: CompileRequest) -> None:
-    """Refuse what cannot carry a position."""
+    """Raise an error if the signal format is not suitable for position control."""
     if request.io == "q15":
         limits = table.limits
         step = 1.25 * (limits.gap_high_m - limits.gap_low_m) / 2**16
         speed = step * table.rate_Hz
         raise InputError(
-            f"--io: in q15 a gap has steps of {1e9 * step:.2g} nm and its speed of "
+            f"--io: in q15 a gap has steps of {1e9 * step:.2g} nm, and its speed has steps of "
             f"{1e3 * speed:.2g} mm/s, too coarse to control it; give q31",
             code="format-too-coarse",
             key="--io",
@@ -194,14 +201,14 @@ _GAIN_COMMENTS = (
     ("derivative", "K_d/T*Y/U/4"),
     ("second", "K_dd/T^2*Y/U/4"),
     ("load", "K_l*L/U/8"),
-    ("back", "4*share that the integral takes back"),
-    ("smoothing", "of the first derivative, minus the share of a tick"),
-    ("smoothing_2", "of the second"),
+    ("back", "4*share of the excess that the integral removes"),
+    ("smoothing", "low-pass of the first derivative: minus the share of a tick"),
+    ("smoothing_2", "low-pass of the second derivative"),
 )
 _MIN_INT32 = -(2**31)
 
 CommentedLines = Iterator[tuple[str, str]]
-"""Lines of C, each with a comment or nothing."""
+"""Lines of C, each with a comment; an empty text means no comment."""
 
 
 def _limit_lines(plan: ControllerPlan) -> CommentedLines:
@@ -241,8 +248,8 @@ def _setting_lines(plan: ControllerPlan, name: str) -> CommentedLines:
         yield _gap_line(plan, magnet), f"from position to gap, magnet {magnet}"
     yield "}},", ""
     yield _member_line(plan, "bias", ".bias"), f"{control.bias:.6g} N"
-    yield _member_line(plan, "measured", ".measured"), "1: currents as measured count as applied"
-    yield f".plain = &{name}_controller_plain,", "drives while nothing is compensated"
+    yield _member_line(plan, "measured", ".measured"), "1: the measured currents are committed"
+    yield f".plain = &{name}_controller_plain,", "map that is used while the compensation is off"
 
 
 def _gain_lines(plan: ControllerPlan) -> CommentedLines:
@@ -257,7 +264,7 @@ def _gain_lines(plan: ControllerPlan) -> CommentedLines:
 
 
 def _gap_line(plan: ControllerPlan, magnet: int) -> str:
-    """Return offset and factor of a magnet; zeros for one that is not there."""
+    """Return offset and factor of the gap of a magnet; zeros if the magnet does not exist."""
     if magnet > plan.magnets:
         return "  {0, {0, 0}},"
     names = (f"gap_offset_{magnet}", f"gap_mantissa_{magnet}", f"gap_shift_{magnet}")
@@ -270,7 +277,7 @@ def _member_line(plan: ControllerPlan, name: str, member: str) -> str:
 
 
 def _int_literal(code: int) -> str:
-    """Return a number as C takes it: minus 2^31 is none, but the minus of one too large."""
+    """Return a number as a C literal; -2^31 has no literal of its own."""
     return "INT32_MIN" if code == _MIN_INT32 else str(code)
 
 
@@ -283,7 +290,7 @@ def _current_setting(plan: ControllerPlan, name: str) -> float:
 
 
 def controller_template_values(plan: ControllerPlan, name: str) -> dict[str, object]:
-    """Return what the templates of the controller show."""
+    """Return the values for the templates of the controller."""
     control, settings = plan.control, plan.settings
     limits, converter = control.limits, control.converter
     first, _ = converter.steps_within(limits.current_low, limits.current_high)
@@ -324,7 +331,7 @@ def controller_template_values(plan: ControllerPlan, name: str) -> dict[str, obj
 
 
 def controller_entry(plan: ControllerPlan) -> dict[str, object]:
-    """Return what stands in the manifest about the controller."""
+    """Return the entry of the manifest about the controller."""
     control, settings = plan.control, plan.settings
     pidd2, limits = control.pidd2, control.limits
     return {

@@ -1,4 +1,4 @@
-"""An output folder and its manifest: what every tool has to know of it, and the memory that it takes."""
+"""Write an output folder with its manifest, and calculate the memory of a compensator."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from anhyst.support.errors import InputError
 from anhyst.support.result import Result
 
 MAX_CELLS = 12
-"""``ANHYST_CELLS``: plays of the law of cells that a compensator has room for."""
+"""``ANHYST_CELLS``: maximum number of play cells of a compensator."""
 
 
 def state_bytes(block: Block) -> int:
-    """Return the size of everything that changes."""
+    """Return the size of the state of a compensator, bytes."""
     suffix = "" if block.is_fixed else "_x"
     sizes = _state_sizes()
     further_memories = sizes[f"anhyst_deeper{suffix}"] * (block.memory_count - 1)
@@ -39,7 +39,7 @@ def state_bytes(block: Block) -> int:
 
 
 def controller_bytes(magnets: int, block: Block) -> int:
-    """Return the size of everything that changes in a position controller and its force controllers."""
+    """Return the size of the state of a position controller and its force controllers, bytes."""
     headers = (
         *("control/supervisor.h", "control/levitation.h", "numeric/factor.h", "control/pidd2.h"),
         *("compensator/compensator.h", "compensator/force_controller.h"),
@@ -58,20 +58,23 @@ def controller_bytes(magnets: int, block: Block) -> int:
 
 
 def _as_q31_header(text: str) -> str:
-    """Return the structures of a generic header as they are in fixed point."""
+    """Return the structures of a generic header in fixed point."""
     return re.sub(r"\b(anhyst_\w+)_x\b", r"\1_q31", text).replace("ANHYST_REAL", "int32_t")
 
 
 @cache
 def _state_sizes() -> dict[str, int]:
-    """Return the sizes of structures in fixed point, and in single precision by names in ``_x``."""
+    """Return the sizes of structures in fixed point, and in single precision by names with ``_x``."""
     headers = "compensator.h", "generic/compensator.h"
     texts = [read_core(f"include/anhyst/compensator/{name}") for name in headers]
     return _structure_sizes(*texts, CELLS=MAX_CELLS)
 
 
 def _structure_sizes(*texts: str, **numbers: int) -> dict[str, int]:
-    """Size structures and unions, short members at the end, each a multiple of four bytes."""
+    """Return the sizes of structures and unions, rounded up to 4 bytes.
+
+    Short members must be at the end of a structure.
+    """
     sizes = {"int32_t": 4, "uint16_t": 2, "int16_t": 2, "ANHYST_REAL": 4}
     for text in texts:
         uncommented = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
@@ -134,7 +137,7 @@ def _controller_entry(controller: ControllerPlan) -> dict[str, Any]:
 
 
 def _word_entries(plan: Plan, block: Block) -> Iterator[dict[str, Any]]:
-    """Describe every word behind the head, as the comments of the C do."""
+    """Yield an entry for each word after the head, as in the comments of the C."""
     names = SignalUnits(plan.model.output.unit, plan.model.input.unit)
     for word in BODY_WORDS[block.kind]:
         unit = block.word_unit(word, names)
@@ -183,7 +186,7 @@ def _accuracy_entry(budget: Budget) -> dict[str, Any]:
 
 
 def signal_entries(io: str, model: Model, scales: Scales, limits: DemandLimits) -> dict[str, Any]:
-    """Return what the manifest says of the signals; nothing of a gap where none counts."""
+    """Return the entries of the signals; None for the gap if the model does not need it."""
     ranges = {
         "demand": (model.output, *limits.demand, scales.demand),
         "current": (model.input, *limits.current, scales.current),
@@ -205,29 +208,29 @@ def signal_entries(io: str, model: Model, scales: Scales, limits: DemandLimits) 
 MANIFEST_FILE = "manifest.json"
 PRODUCT = "anhyst-compiled"
 REPORT_FILES = ("verify.json", "verify.md")
-"""What ``anhyst verify`` adds; it goes with the C that it is about."""
+"""Reports of ``anhyst verify``; they are replaced together with the C."""
 
 
 @dataclass(frozen=True, repr=False)
 class CompiledFolder(Result):
-    """A folder that was written, of any kind."""
+    """Folder of C that was written."""
 
     out: Path
     manifest: dict[str, Any]
     files: tuple[str, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return manifest and names of the files, for JSON."""
+        """Return manifest and file names, for JSON."""
         return {"out": str(self.out), **self.manifest, "files": list(self.files)}
 
 
 def check_folder(out: PathLike) -> None:
-    """Find out before the work whether a folder may be written."""
+    """Check that a folder may be written."""
     target = Path(os.path.realpath(out))
     if target.exists() and not target.is_dir():
         raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
     if target.is_dir() and any(target.iterdir()) and not _is_compiled_folder(target):
-        text = f"{out}: holds files that anhyst compile has not written; name another folder"
+        text = f"{out}: contains files that anhyst compile did not write; name another folder"
         raise InputError(text, code="folder-holds-other-files")
     if not target.parent.is_dir():
         raise InputError(f"{target.parent}: no such folder; create it first", code="no-such-folder")
@@ -238,7 +241,7 @@ def check_folder(out: PathLike) -> None:
 
 
 def _is_compiled_folder(folder: Path) -> bool:
-    """Whether every file there is in the manifest there, or a report on the C that stood there."""
+    """Whether all files of a folder are in its manifest, or are reports."""
     try:
         manifest = json.loads((folder / MANIFEST_FILE).read_text(encoding="utf-8"))
         listed = {MANIFEST_FILE, *REPORT_FILES, *manifest["files"]}
@@ -251,7 +254,7 @@ def _is_compiled_folder(folder: Path) -> bool:
 def write_folder(
     out: PathLike, files: Mapping[str, str | bytes], manifest: Mapping[str, object]
 ) -> None:
-    """Write all files of a folder, or none."""
+    """Write all files of a folder; an error leaves no partial folder."""
     check_folder(out)
     contents = {name: to_bytes(content) for name, content in files.items()}
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}

@@ -1,4 +1,9 @@
-"""From a model, in memory or in a file, to a folder of C of any kind: what ``anhyst compile`` does."""
+"""Compile a model, in memory or in a file, to a folder of C (``anhyst compile``).
+
+`compile_model` plans the tables, measures the accuracy budget and writes all files. It plans with a
+smaller allowance if the budget exceeds the allowed error. Without sufficient accuracy, it writes
+nothing and raises an error.
+"""
 
 from __future__ import annotations
 
@@ -63,27 +68,27 @@ if TYPE_CHECKING:
 
 
 ALLOWANCE_SHARES = (1.0, 0.7, 0.4)
-"""Of the allowance that a plan may use up, one try after the other."""
+"""Fractions of the allowance that successive plans may use."""
 
 
 @dataclass(frozen=True, repr=False)
 class Compiled(CompiledFolder):
-    """What came out.
+    """Result of compiling a model.
 
     Parameters
     ----------
     out : Path
         The folder.
     manifest : dict
-        What stands in ``manifest.json``, without the hashes of the files.
+        Content of ``manifest.json``, without the hashes of the files.
     files : tuple of str
         Names of the files.
     plan : Plan
-        What was chosen.
+        Selected scales, tables and start-up sequence.
     budget : Budget
-        How accurate it is.
+        Measured accuracy.
     left_out : tuple of str
-        What of the model is not compiled, one sentence each.
+        Parts of the model that are not compiled, one sentence each.
     """
 
     plan: Plan
@@ -92,13 +97,13 @@ class Compiled(CompiledFolder):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user should know, one sentence each; mostly nothing."""
+        """Warnings for the user, one sentence each; usually none."""
         notes = list(self.left_out)
         page = next(name for name in self.files if name.endswith("budget.html"))
         if not is_within_allowance(self.plan, self.budget):
             notes.append(
-                f"formats and tables cost more than the {DEFAULT_ACCURACY_PERCENT:g} % of the largest output that "
-                f"is usual: {ADVICE[largest_part(self.budget).name]}; {self.out / page} shows "
+                f"formats and tables cost more than the {DEFAULT_ACCURACY_PERCENT:g} % of the largest output "
+                f"that is usual: {ADVICE[largest_part(self.budget).name]}; {self.out / page} shows "
                 "how much"
             )
         if not is_drift_allowed(self.plan, self.budget):
@@ -106,7 +111,7 @@ class Compiled(CompiledFolder):
         return tuple(notes)
 
     def facts(self) -> dict[str, str]:
-        """Return where it is, what it is, and how accurate."""
+        """Return folder, kind, signals, rate and accuracy."""
         request, budget = self.plan.request, self.budget
         worst, drift = (
             f"{percent(budget, part.worst or 0.0):.2g} % of {budget.reference_output:.4g} {budget.unit}"
@@ -117,11 +122,11 @@ class Compiled(CompiledFolder):
         return facts | {f"warning {n}": text for n, text in enumerate(self.warnings, 1)}
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the accuracy budget, in units of the output and in per cent of the largest."""
+        """Return the accuracy budget, in units of the output and in % of the reference output."""
         return rows_to_columns(budget_dict(self.budget)["parts"])
 
     def draw(self, ax: Axes) -> None:
-        """Draw the accuracy budget: what each part costs."""
+        """Draw the accuracy budget: the error of each part."""
         budget = self.budget
         parts = [part for part in (*budget.parts, budget.compiled, budget.drift) if part.worst]
         places = range(len(parts))
@@ -140,7 +145,7 @@ def compile_model(
     progress: Progress | None = None,
     package: str | None = None,
 ) -> Compiled:
-    """Compile a model into a folder of C, with a controller of the position or without."""
+    """Compile a model file to a folder of C, with or without a position controller."""
     check_package(package)
     check_folder(out)
     model = read_model(model_path)
@@ -182,7 +187,7 @@ def compile_model(
             LEVITATION_COLUMNS, make_levitation_vectors(plan, controller_plan)
         )
     manifest_entry = make_manifest(plan, budget, choices, sha256, version, controller_plan)
-    if request.io != "f32":  # a firmware computes in fixed point
+    if request.io != "f32":  # firmware uses fixed point
         files[f"{plan.name}.a2l"] = make_a2l(manifest_entry)
     output_files = make_package_files(package, files, manifest_entry, values)
     manifest_entry |= {} if package is None else {"package": package}
@@ -193,24 +198,24 @@ def compile_model(
 
 
 def select_compilable(model: Model, request: CompileRequest) -> tuple[Model, tuple[str, ...]]:
-    """Return what of a model is compiled, and say what is not."""
+    """Return the part of a model that can be compiled, and sentences about the rest."""
     if model.has_lag or (model.has_layers and request.kind == "full"):
         return model, list_omissions(model, has_layers=True)
     return model.at_rest, list_omissions(model)
 
 
 def list_omissions(model: Model, *, has_layers: bool = False) -> tuple[str, ...]:
-    """Say what comes late and is left to what stands around the compensator."""
+    """Return a sentence for each dynamic part of a model that is not compiled."""
     dynamics, notes = model.dynamics, []
     if model.has_eddy_currents and not has_layers:
-        alternative = "; --kind full has it" if model.has_layers else ""
+        alternative = "; --kind full compiles it" if model.has_layers else ""
         notes.append(
-            "how late solid iron answers (gamma) is not compiled: fast demands are met as slow ones "
-            f"are, and anhyst predict with column t_s says what that leaves{alternative}"
+            "the eddy-current lag (gamma) is not compiled: fast demands are compensated like slow ones, "
+            f"and anhyst predict with a column t_s shows the remaining error{alternative}"
         )
     if dynamics is not None and dynamics.lag > 0.0:
         notes.append(
-            f"the lag of {dynamics.lag:.3g} s is not compiled: give the demand so much earlier"
+            f"the lag of {dynamics.lag:.3g} s is not compiled: give the demand earlier by this time"
         )
     if dynamics is not None and dynamics.times:
         notes.append(
@@ -221,7 +226,7 @@ def list_omissions(model: Model, *, has_layers: bool = False) -> tuple[str, ...]
 
 
 def _guide_accuracy(budget: Budget) -> dict[str, str]:
-    """Return what the drop-in guide says of the accuracy, per cent of the largest output."""
+    """Return the accuracy figures of the drop-in guide, % of the reference output."""
     return {
         name: f"{percent(budget, part.worst or 0.0):.2g}"
         for name, part in (("travelling", budget.compiled), ("drift", budget.drift))
@@ -229,7 +234,7 @@ def _guide_accuracy(budget: Budget) -> dict[str, str]:
 
 
 def _find_better_options(model: Model, plan: Plan, controller: CheckedController | None) -> str:
-    """Return the options that reach an accuracy which those of a plan do not; empty if none do."""
+    """Return options that reach the requested accuracy; empty if there are none."""
     compensator = plan.request
     tries: list[tuple[str, CompileRequest]] = []
     if compensator.kind != "full":
@@ -259,12 +264,16 @@ def _plan_within_allowance(
     controller: CheckedController | None,
     progress: Progress | None,
 ) -> tuple[Plan, Budget]:
-    """Plan, and tighter where another path breaks the allowance, unless a controller asked for none."""
+    """Return a plan within the allowance, and its budget.
+
+    The allowance of the search is reduced while the budget exceeds it. A position controller
+    without a requested accuracy is planned once.
+    """
     shares: tuple[float, ...] = ALLOWANCE_SHARES
     if controller is not None:
         model = controller.restrict_model(model)
         shares = ALLOWANCE_SHARES[:1] if request.accuracy is None else ALLOWANCE_SHARES
-    total_steps = 2 * len(shares) + 1  # a plan and its budget each, and what is written
+    total_steps = 2 * len(shares) + 1  # a plan and a budget for each share, and the files
     for index, share in enumerate(shares):
         plan = make_plan(model, request, model_hash, share)
         if progress is not None:
@@ -293,7 +302,7 @@ def compile_actuator(
     package: str | None = None,
     progress: Progress | None = None,
 ) -> Compiled | CompiledPlay:
-    """Compile a model, in memory or in a file, into a folder of C: demand in, current out."""
+    """Compile a model, in memory or in a file, to a folder of C: demand in, current out."""
     if isinstance(model, Model):
         with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
             path = model.save(Path(folder) / "model.toml")
@@ -302,7 +311,7 @@ def compile_actuator(
                 controller=controller, package=package, progress=progress,
             )  # fmt: skip
     if rate is None and controller is None:
-        read_model(model)  # a file that is none is said before what is missing beside it
+        read_model(model)  # an invalid model file is reported before a missing option
     rate_Hz = _select_rate(rate, controller)
     if kind == "play":
         _check_play_options(controller, accuracy)
@@ -312,27 +321,27 @@ def compile_actuator(
 
 
 def _select_rate(rate: float | None, controller: PathLike | None) -> float:
-    """Return what was given, or what the controller file says."""
+    """Return the given sample rate, or that of the controller file, Hz."""
     if rate is not None:
         return rate
     if controller is None:
-        text = "--rate: is missing; give the ticks a second, or a --controller file"
+        text = "--rate: is missing; give the sample rate in Hz, or a --controller file"
         raise InputError(text, code="missing", key="--rate")
     return read_controller(controller).settings.rate_Hz
 
 
 def _check_play_options(controller: PathLike | None, accuracy: float | None) -> None:
-    """Refuse what a map with one play does not have: it is neither planned nor put around."""
+    """Raise an error for options that a map with one play operator does not have."""
     if controller is not None:
         raise InputError(
-            "--controller: a position controller is compiled with --kind full or simplified; leave "
-            "it out, or give another kind",
+            "--controller: a position controller is compiled with --kind full or simplified; omit "
+            "it, or give another kind",
             code="option-not-for-this",
             key="--controller",
         )
     if accuracy is not None:
         raise InputError(
-            "--accuracy: a map with one play is as accurate as its one play; leave it out, or give "
+            "--accuracy: the accuracy of a map with one play cannot be selected; omit it, or give "
             "--kind full",
             code="option-not-for-this",
             key="--accuracy",

@@ -217,7 +217,9 @@ def _edit_guide(text: str) -> str:
     """Return the drop-in guide without the files that a package has no use for."""
     text = re.sub(r"`anhyst.mk` and `anhyst.cmake` do both\.", "The package does both.", text)
     text = re.sub(
-        r"`anhyst.mk` and `anhyst.cmake`( of both)?", "the manifests of the packages", text
+        r"`anhyst.mk` and `anhyst.cmake`( of both\s+folders)?",
+        "the manifests of the packages",
+        text,
     )
     text = re.sub(r"(?m)^\| `main.c` \|.*\n", "", text)
     text = text.replace(

@@ -1,4 +1,4 @@
-"""The parameter block as C in every number format: each word and table with its meaning."""
+"""Write a parameter block as C in every number format, with a comment for each word and table."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ MAX_LINE_WIDTH = 100
 def define_parameters(
     name: str, word_count: str, block: Block, names: SignalUnits, schedule: Quantity | None
 ) -> str:
-    """Return the definition of ``NAME_parameters``; `words` is the number of words in C."""
+    """Return the definition of ``NAME_parameters``; `word_count` is the number of words in C."""
     rows = parameters_initialiser(block, names, schedule)
     return f"const {block.c_type} {name}_parameters[{word_count}] = {{\n{rows}\n}};"
 
 
 def parameters_initialiser(block: Block, names: SignalUnits, schedule: Quantity | None) -> str:
-    """Return the rows of the initialiser of ``NAME_parameters[]``, commented."""
+    """Return the lines of the initialiser of ``NAME_parameters[]``, with comments."""
     lines = list(_head_lines(block))
     tables: dict[int, list[Word]] = {}
     next_word = HEAD_WORDS[-1].index + HEAD_WORDS[-1].size
@@ -60,12 +60,12 @@ def parameters_initialiser(block: Block, names: SignalUnits, schedule: Quantity 
 
 
 def table_initialiser(words: NDArray[np.int16]) -> str:
-    """Return the entries of a table over two signals as lines of C, from a new one on for each row."""
+    """Return the entries of a two-dimensional table as lines of C; each row begins a new line."""
     return "\n".join(line for row in words for line in _entry_lines(row))
 
 
 def scales_initialiser(block: Block) -> str:
-    """Return the words that say what the signals are counted in, as an initialiser."""
+    """Return the words with the scales of the signals, as an initialiser."""
     words = block.words[WORD_INDEX["SCALE_DEMAND"] :][:SCALE_WORD_COUNT]
     return f"{{{', '.join(map(_word_literal, words))}}}"
 
@@ -77,18 +77,18 @@ def _head_lines(block: Block) -> Iterator[str]:
 
 
 def _unused_lines(block: Block, first: int, end: int) -> list[str]:
-    """Return the words before `end` that mean nothing in this kind; they are zero."""
+    """Return a line for the unused words before `end`; they are zero."""
     return [_word_line(first, block.words[first:end], "not used")] if first < end else []
 
 
 def _word_line(index: int, entries: NDArray[Any], text: str) -> str:
-    """Put one or a few words in front of what they are."""
+    """Return a line with one or several words and their comment."""
     row = ", ".join(map(_word_literal, entries))
     return f"{f'    {row},':<{COMMENT_COLUMN}} /* {index:2d} {text} */"
 
 
 def _describe_value(word: Word, value: float, block: Block, names: SignalUnits) -> str:
-    """Say what a word is worth, where that is more than its number."""
+    """Return the physical value of a word, if it differs from its number."""
     unit = block.word_unit(word, names)
     if word.format == "integer":
         return ""
@@ -116,7 +116,7 @@ def _table_lines(
 
 
 def _describe_axis(word: Word, block: Block, schedule: Quantity | None) -> str:
-    """Say what a table runs over."""
+    """Return the text about the axis of a table."""
     count = block.tables[word.name][1] - 1
     if word.axis == "gap":
         return _describe_gap_axis(count, block, schedule)
@@ -132,9 +132,10 @@ def _describe_axis(word: Word, block: Block, schedule: Quantity | None) -> str:
             f"a row for each number of them: {2 * narrow} steps of field from -{zone_end:g} to "
             f"{zone_end:g}, {narrow - round(narrow * zone_end)} on each side from there to 1"
         )
-    return {"play": "one a play", "field, both signs": f"{count} steps of field from -1 to 1"}.get(
-        word.axis, f"{count} steps of {word.axis} from 0 to 1"
-    )
+    return {
+        "play": "one per play",
+        "field, both signs": f"{count} steps of field from -1 to 1",
+    }.get(word.axis, f"{count} steps of {word.axis} from 0 to 1")
 
 
 def _describe_gap_axis(count: int, block: Block, schedule: Quantity | None) -> str:
@@ -146,7 +147,7 @@ def _describe_gap_axis(count: int, block: Block, schedule: Quantity | None) -> s
 
 
 def _wrap_comment(text: str) -> list[str]:
-    """Break a comment into lines."""
+    """Wrap a comment to several lines."""
     return wrap(f"/* {text} */", MAX_LINE_WIDTH, initial_indent="    ", subsequent_indent=" " * 7)
 
 
@@ -158,7 +159,7 @@ def _entry_lines(entries: NDArray[Any]) -> Iterator[str]:
 
 
 def _word_literal(word: np.generic) -> str:
-    """Return a word in C: the shortest literal that is exact; -32768 has no literal of its own."""
+    """Return the shortest exact C literal of a word; -32768 has no literal of its own."""
     if isinstance(word, np.float32):
         return float_literal(float(word))
     if isinstance(word, np.float64):
@@ -167,26 +168,26 @@ def _word_literal(word: np.generic) -> str:
 
 
 def float_literal(value: float) -> str:
-    """Return the shortest literal that C reads as this number in single precision.
+    """Return the shortest C literal of a number in single precision.
 
-    >>> literal(0.1), literal(2.0), literal(1e-7)
+    >>> float_literal(0.1), float_literal(2.0), float_literal(1e-7)
     ('0.1f', '2.0f', '1e-07f')
     """
     return f"{np.float32(value)!s}f"
 
 
 def wrap_row(row: str) -> list[str]:
-    """Break a row of an initialiser into lines."""
+    """Wrap a row of an initialiser to several lines."""
     return wrap(f"{row},", MAX_LINE_WIDTH, initial_indent="    ", subsequent_indent="    ")
 
 
 def align_comments(rows: Iterable[tuple[str, str]]) -> list[str]:
-    """Put the comments of lines of C into one column; a line may have none."""
+    """Align the comments of lines of C; a line may have no comment."""
     lines = list(rows)
     column = max(len(line) for line, doc in lines if doc)
     return [f"{line:<{column}} /* {doc} */" if doc else line for line, doc in lines]
 
 
 def float_list(values: Iterable[float]) -> str:
-    """Return numbers in single precision as C reads them, with commas between them."""
+    """Return numbers as C literals in single precision, separated by commas."""
     return ", ".join(map(float_literal, values))

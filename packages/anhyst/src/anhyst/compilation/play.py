@@ -1,4 +1,7 @@
-"""A map with one play as C, for whom the compensator is too dear, and what it leaves of a force."""
+"""Compile a map with one play operator to C, and measure its force error.
+
+The map is for processors on which a compensator takes too long.
+"""
 
 from __future__ import annotations
 
@@ -50,30 +53,30 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SAMPLES_PER_RANGE = 200
-"""Samples of a ramp over the whole range of demands."""
+"""Number of samples of a ramp over the whole range of demands."""
 
 SMALL_CYCLE_LEVELS = (0.25, 0.5, 0.75)
-"""Middles of the small cycles, of the largest force."""
+"""Mean values of the small cycles, relative to the largest force."""
 
 SMALL_CYCLE_SIZE = 0.1
-"""Small cycles from peak to peak, of the largest force."""
+"""Peak-to-peak size of the small cycles, relative to the largest force."""
 
 SMALL_CYCLES_PER_LEVEL = 4
-"""Small cycles at a level; the last one counts."""
+"""Number of small cycles at a level. The last one is evaluated."""
 
 ForceModel = Callable[[FloatArray, float], FloatArray]
-"""From currents in their order, of an iron without memory at first, and the gap to forces."""
+"""Returns the forces for successive currents at a gap, starting from the demagnetised state."""
 
 
 @dataclass(frozen=True)
 class CycleErrors:
-    """Force less demand, N."""
+    """Force minus demand, N."""
 
-    major: FloatArray  # from zero to the largest force and back, after two such cycles
-    small: FloatArray  # over small cycles about levels that were come to from above and from below
+    major: FloatArray  # major loop from zero to the largest force and back, after two such loops
+    small: FloatArray  # small cycles at levels that were approached from above and from below
 
     def join(self, other: CycleErrors) -> CycleErrors:
-        """Return both."""
+        """Return the errors of both."""
         return CycleErrors(
             np.concatenate([self.major, other.major]), np.concatenate([self.small, other.small])
         )
@@ -87,7 +90,10 @@ def max_magnitude(error: FloatArray) -> float:
 def measure_cycle_errors(
     compensator: Compensator, force_model: ForceModel, gap: float, max_force: float
 ) -> CycleErrors:
-    """Run a compensator over a path of demands at one gap; the currents are those it solves for."""
+    """Run a compensator along test demands at one gap, and return the force errors.
+
+    The solved currents are applied without deviation.
+    """
     reversals, evaluated_ramps = [0.0, 1.0, 0.0, 1.0, 0.0], []
     first_ramp = len(reversals) - 1
     reversals += [1.0, 0.0]
@@ -113,43 +119,43 @@ def measure_cycle_errors(
 PLAY_KIND: Literal["play"] = "play"
 PLAY_SOURCES = ("compensator/play_map.c",)
 STATE_BYTES = 20 + 7 * 4 + 5 * 4 + 8
-"""Of ``anhyst_play_map_q31`` where a pointer has 32 bits."""
+"""Size of ``anhyst_play_map_q31`` with 32-bit pointers."""
 
 
 @dataclass(frozen=True, repr=False)
 class CompiledPlay(CompiledFolder):
-    """What came out.
+    """Result of compiling a map with one play operator.
 
     Parameters
     ----------
     out : Path
         The folder.
     manifest : dict
-        What stands in ``manifest.json``, without the hashes of the files.
+        Content of ``manifest.json``, without the hashes of the files.
     files : tuple of str
         Names of the files.
     play : PlayMap
-        What was fitted.
+        The fitted map.
     errors : mapping of str to CycleErrors
-        Of the model's force: of this map, and of the best current without memory.
+        Force errors relative to the model: of this map, and of the best single-valued current.
     """
 
     play: PlayMap
     errors: Mapping[str, CycleErrors]
 
     def facts(self) -> dict[str, str]:
-        """Return where it is, and how far its force is from the model's."""
+        """Return folder and force errors."""
         accuracy = self.manifest["accuracy"]["play"]
         errors = {name.replace("_", " "): f"{value:.2g} %" for name, value in accuracy.items()}
         return {"folder": str(self.out), "kind": "play", **errors}
 
     def to_columns(self) -> dict[str, Any]:
-        """Return the errors of this map and of the best without memory, per cent."""
+        """Return the errors of this map and of the best single-valued one, per cent."""
         rows = ((name, self.manifest["accuracy"][name]) for name in self.errors)
         return rows_to_columns([{"map": name, **found} for name, found in rows])
 
     def draw(self, ax: Axes) -> None:
-        """Draw the error of the force over the loop, of this map and of that without memory."""
+        """Draw the force error along the major loop, of this map and of the single-valued one."""
         for name, errors in self.errors.items():
             ax.plot(errors.major, lw=1.0, label=name)
         ax.set_xlabel("sample of the loop")
@@ -164,12 +170,12 @@ def compile_play(
     name: str | None,
     package: str | None = None,
 ) -> CompiledPlay:
-    """Compile a map with one play into a folder of C."""
+    """Compile a map with one play operator to a folder of C."""
     check_package(package)
     if io != "q31":
         text = f"--io: {io} is not for --kind play, whose signals have 32 bits; give q31"
         raise InputError(text, code="option-not-for-this", key="--io")
-    CompileRequest("full", "q31", rate, name=name)  # the same rates and names
+    CompileRequest("full", "q31", rate, name=name)  # checks rate and name
     check_folder(out)
     model = read_model(model_path).at_rest
     try:
@@ -192,7 +198,7 @@ def compile_play(
 
 @dataclass(frozen=True)
 class _FileInfo:
-    """What all files may show."""
+    """Values for all templates."""
 
     name: str
     model: Model
@@ -204,7 +210,7 @@ class _FileInfo:
 def measure_model_errors(
     model: Model, play: PlayMap, operating: OperatingRange
 ) -> dict[str, CycleErrors]:
-    """Return what the map, and the same without a width, leave of the model's forces."""
+    """Return the force errors of the map, and of the same map without play, relative to the model."""
 
     def predict_force(current: FloatArray, gap: float) -> FloatArray:
         return model.predict(current, gap, slow_times(current.size), "demagnetised").output
@@ -226,7 +232,7 @@ def measure_model_errors(
 
 
 def _make_golden_vectors(play: PlayMap) -> list[VectorRow]:
-    """Run the map over demands of every sort, as for the compensators."""
+    """Run the map over the same kinds of inputs as the compensators."""
     native = play.native("fixed")
     assert isinstance(native, FixedForceController)
     random = np.random.default_rng(SEED + 1)
@@ -281,7 +287,7 @@ def _limit_codes(words: Words) -> list[int]:
 
 
 def _example_values(info: _FileInfo) -> dict[str, object]:
-    """Return what all files may show: names, and the calls of an example."""
+    """Return the values for all templates: names, and the calls of an example."""
     name, macro = info.name, info.name.upper()
     return {
         "name": name,
@@ -310,7 +316,7 @@ def _example_values(info: _FileInfo) -> dict[str, object]:
 def _make_sources(
     info: _FileInfo, play: PlayMap, errors: Mapping[str, CycleErrors]
 ) -> dict[str, str]:
-    """Return the C files and what helps to build them."""
+    """Return the C files and build files."""
     scales, name = play.scales, info.name
     words = play.block("fixed", int(info.sha256[:8], 16))
     values = _example_values(info) | {

@@ -1,4 +1,4 @@
-"""The parameter block of a map with one play as C: every word with its place and meaning."""
+"""Write the parameter block of a map with one play operator as C, with a comment for each word."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from anhyst.support.block_layout import BODY_WORDS, HEAD_WORDS, MIN_BLOCK_WORDS,
 
 
 def play_initialiser(words: Words) -> str:
-    """Return the rows of the initialiser of a block, commented."""
+    """Return the lines of the initialiser of a block, with comments."""
     return "\n".join([*_head_lines(words), *_table_lines(words)])
 
 

@@ -1,4 +1,4 @@
-"""The text files of an output folder that belong into a project."""
+"""Write the C files, build files and guide of an output folder from templates."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def make_sources(
     signals: Sequence[str],
     controller: ControllerPlan | None = None,
 ) -> dict[str, str]:
-    """Return the C files and what helps to build them; `values` are those of :func:`example_values`."""
+    """Return the C files and build files; `values` are those of :func:`example_values`."""
     is_float = not plan.block.is_fixed
     core_sources = (KIND_SOURCES_F32 if is_float else KIND_SOURCES)[plan.block.kind] + (
         CONTROL_SOURCES if controller else ()
@@ -76,7 +76,7 @@ def make_sources(
 def example_values(
     plan: Plan, sha256: str, version: str, controller: ControllerPlan | None
 ) -> dict[str, object]:
-    """Return what all files may show: names, and the calls of an example."""
+    """Return the values for all templates: names, and the calls of an example."""
     model, block, io = plan.model, plan.block, plan.request.io
     return {
         "name": plan.name,
@@ -101,7 +101,7 @@ def example_values(
 
 
 def _init_values(name: str, is_float: bool) -> dict[str, object]:
-    """Return what the example calls, and what it keeps."""
+    """Return the state type and the init call of the example."""
     suffix = "_f32" if is_float else ""
     arguments = (
         f"&compensator, &{name.upper()}_KERNEL, {name}_parameters,\n"
@@ -118,7 +118,7 @@ def _init_values(name: str, is_float: bool) -> dict[str, object]:
 def _controller_files(
     common: Mapping[str, object], name: str, controller: ControllerPlan
 ) -> dict[str, str]:
-    """Return the files of the position controller; its example stands for the compensator's."""
+    """Return the files of the position controller; its example replaces that of the compensator."""
     values = dict(common) | controller_template_values(controller, name)
     values["controller"] = escape_comment(str(values["controller"]))
     return {
@@ -129,7 +129,7 @@ def _controller_files(
 
 
 def _parameter_values(plan: Plan, signals: Sequence[str]) -> dict[str, object]:
-    """Return what the files of the parameters show beside what all files do."""
+    """Return the additional values for the templates of the parameters."""
     model, block = plan.model, plan.block
     names = SignalUnits(model.output.unit, model.input.unit)
     values: dict[str, object] = {
@@ -149,7 +149,7 @@ def _parameter_values(plan: Plan, signals: Sequence[str]) -> dict[str, object]:
 
 
 def _guide_values(plan: Plan, signals: Sequence[str]) -> dict[str, object]:
-    """Return what the drop-in guide says beside the code."""
+    """Return the additional values for the drop-in guide."""
     start, io = plan.start_up, plan.request.io
     cycles = start.conditioning.cycles
     rows = [line.partition(" ") for line in signals]
@@ -170,7 +170,7 @@ def _guide_values(plan: Plan, signals: Sequence[str]) -> dict[str, object]:
 
 
 def render(template: str, values: Mapping[str, object]) -> str:
-    """Fill one template of this package."""
+    """Render a template of this package."""
     return _environment().get_template(template).render(values)
 
 
@@ -192,20 +192,20 @@ def escape_comment(text: str) -> str:
 
 
 def signal_lines(plan: Plan) -> list[str]:
-    """Say what the codes of each signal mean, a line each."""
+    """Return a line about the codes of each signal."""
     model, scales, limits = plan.model, plan.block.scales, plan.block.limits
     if plan.request.io == "f32":
         return _float_signal_lines(plan)
     lines = [
-        f"demand   1.0 is {_value_text(scales.demand, model.output)}; taken from "
+        f"demand   1.0 is {_value_text(scales.demand, model.output)}; limited to "
         f"{_value_text(limits.demand[0], model.output)} to {_value_text(limits.demand[1], model.output)}",
-        f"current  1.0 is {_value_text(scales.current, model.input)}; given from "
+        f"current  1.0 is {_value_text(scales.current, model.input)}; limited to "
         f"{_value_text(limits.current[0], model.input)} to {_value_text(limits.current[1], model.input)}",
     ]
     if model.schedule is not None and scales.gap_high > scales.gap_low:
         lines.append(
             f"gap      0 is {_value_text(scales.gap_low, model.schedule)}, 1.0 is "
-            f"{_value_text(scales.gap_high, model.schedule)}; beyond, the nearer of the two counts"
+            f"{_value_text(scales.gap_high, model.schedule)}; limited to this range"
         )
     else:
         lines.append("gap      not used: pass 0")
@@ -213,7 +213,7 @@ def signal_lines(plan: Plan) -> list[str]:
 
 
 def limit_lines(plan: Plan) -> list[str]:
-    """Return the macros with the limits of demand, current and gap, a line each."""
+    """Return a line with the macros of the limits of demand, current and gap."""
     model, block, macro = plan.model, plan.block, plan.name.upper()
     scales, limits, io = block.scales, block.limits, plan.request.io
     gap = scales.gap_low, scales.gap_high
@@ -246,15 +246,15 @@ def limit_lines(plan: Plan) -> list[str]:
 def _float_signal_lines(plan: Plan) -> list[str]:
     model, scales, limits = plan.model, plan.block.scales, plan.block.limits
     lines = [
-        f"demand   in {model.output.unit}, taken from {limits.demand[0]:.6g} to "
+        f"demand   in {model.output.unit}, limited to {limits.demand[0]:.6g} to "
         f"{limits.demand[1]:.6g}",
-        f"current  in {model.input.unit}, given from {limits.current[0]:.6g} to "
+        f"current  in {model.input.unit}, limited to {limits.current[0]:.6g} to "
         f"{limits.current[1]:.6g}",
     ]
     if model.schedule is not None and model.needs_schedule:
         lines.append(
             f"gap      in {model.schedule.unit}, from {scales.gap_low:.6g} to "
-            f"{scales.gap_high:.6g}; beyond, the nearer of the two counts"
+            f"{scales.gap_high:.6g}; limited to this range"
         )
     else:
         lines.append("gap      not used: pass 0")
@@ -266,7 +266,7 @@ def _value_text(value: float, quantity: Quantity) -> str:
 
 
 def _scale_macros(plan: Plan) -> list[str]:
-    """Return the macros with SI values, a line each."""
+    """Return the macros with SI values, one per line."""
     model, scales, macro = plan.model, plan.block.scales, plan.name.upper()
     rows = [
         (f"{macro}_FULL_SCALE_DEMAND_{_unit_suffix(model.output)}", scales.demand, "demand of 1.0"),
@@ -287,7 +287,7 @@ def _scale_macros(plan: Plan) -> list[str]:
 
 
 def _double_literal(value: float) -> str:
-    """Return a number that C takes for a double."""
+    """Return the C literal of a number in double precision."""
     text = f"{value:.10g}"
     return text if re.search(r"[.e]", text) else f"{text}.0"
 

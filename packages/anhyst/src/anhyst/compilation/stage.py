@@ -1,4 +1,4 @@
-"""The controller of a stage as C: every number of it, its magnets, and what a project needs around."""
+"""Write the controller of a stage as C, with its constants, its magnets and its build files."""
 
 from __future__ import annotations
 
@@ -42,57 +42,59 @@ from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
 
 LOST_MAGNET_ROWS = 200
-"""Of the golden vectors the last, in which the first magnet is lost."""
-FORCE_CURRENT_UNITS, GAP_QUANTITY = SignalUnits("N", "A"), Quantity("gap", "gap", "m")
+"""Number of last rows of the golden vectors, in which the first magnet is lost."""
+FORCE_CURRENT_UNITS = SignalUnits("N", "A")
+GAP_QUANTITY = Quantity("gap", "gap", "m")
 TABLE_COMMENTS = {
-    "pull": "Wrench of 1 N of each magnet, N and N m, a row a magnet.",
-    "see": "Pose of what the heads read, a row a coordinate.",
-    "decouple": "Errors taken to the centre of mass, a row a coordinate.",
+    "pull": "Wrench of 1 N of each magnet, N and N m, one row per magnet.",
+    "see": "Pose from the readings of the heads, one row per coordinate.",
+    "decouple": "Error of the centre of mass from the error of the pose, one row per coordinate.",
     "reach": "Largest plausible error of each coordinate, m and rad.",
-    "weigh": "Wrench of accelerations of the centre of mass, a row a coordinate.",
-    "mass": "Masses and moments of inertia about the point that the pose is of.",
+    "weigh": "Wrench from accelerations of the centre of mass, one row per coordinate.",
+    "mass": "Masses and moments of inertia about the reference point of the pose.",
     "weight": "Wrench of the weight, N and N m.",
-    "yields": "How readily each coordinate is given up once a magnet is lost, of 1.",
-    "land": "By what is aimed at moves in a tick where the body is set down, m and rad.",
-    "lift": "By what it moves at most where it is lifted.",
-    "without": "Pose without each head in its place, zeros where the others do not tell it.",
+    "yields": "Relative weight with which each coordinate is given up if a magnet is lost.",
+    "land": "Change of the target per tick while the body is set down, m and rad.",
+    "lift": "Largest change of the target per tick at lift-off, m and rad.",
+    "without": "Pose without each head in turn; zeros if the other heads do not determine it.",
 }
-"""Tables of the controller, in the order in which they stand in the C."""
+"""Tables of the controller with their comments, in the order of the C file."""
 FIXED_TABLE_COMMENTS = {
-    "whole": "Forces of least squares of a wrench, a row a magnet.",
-    "yields": "The same where coordinates may be given up.",
+    "whole": "Least-squares forces of a wrench, one row per magnet.",
+    "yields": "The same if coordinates may be given up.",
     **{key: TABLE_COMMENTS[key] for key in TABLE_COMMENTS if key not in ("pull", "yields")},
 }
-"""Those in fixed point, in codes."""
-SHIFT_COMMENT = "Digits behind the point of each row of it."
-REMAINDER_COMMENT = "Forces to those of them that make no wrench, q30, a row a magnet."
+"""Tables of a controller in fixed point; their values are codes."""
+SHIFT_COMMENT = "Number of fractional bits of each row of this table."
+REMAINDER_COMMENT = "Projection of forces to forces without a wrench, q30, one row per magnet."
 
 
 @dataclass(frozen=True)
 class StageController:
-    """All numbers of the controller of a stage, in SI units."""
+    """All constants of the controller of a stage, in SI units."""
 
-    name: str  # what it is called in C
+    name: str  # name in C
     rig: str  # name of the rig file
     sha256: str  # of the rig file
     kind: str  # method from force to current
     rate: float  # Hz
-    feedforward_lead: float  # s, by which what is fed forward goes ahead of the set-point
+    feedforward_lead: float  # time by which the feedforward leads the setpoint, s
     free: Sequence[str]  # coordinates
-    # tables of TABLES; `at`, what each head reads of a pose, and `pid`, a filter a coordinate
+    # tables of TABLE_COMMENTS; `at`: reading of each head for a pose; `pid`: one filter per
+    # coordinate
     rows: Mapping[str, FloatArray]
-    opponents: Sequence[int]  # for each magnet that which pulls against it, itself where alone
-    # allocation, idle force, limits of the currents, by what a lost magnet is found
+    opponents: Sequence[int]  # index of the opposing magnet; its own index without one
+    # allocation, idle force, limits of the currents, and criteria for a lost magnet
     settings: Mapping[str, float]
-    force_min: float  # N, of a magnet that is alone
-    force_max: float  # N, of each magnet
-    magnets: Sequence[ForceController]  # one each, in single precision or in fixed point
-    correction: FloatArray | None  # rows of what calibration found of each
-    fixed_controller: FixedController | None = None  # all of it but the magnets in fixed point
+    force_min: float  # smallest force of a magnet without an opponent, N
+    force_max: float  # largest force of each magnet, N
+    magnets: Sequence[ForceController]  # force controllers, in single precision or in fixed point
+    correction: FloatArray | None  # calibration corrections; one row per magnet
+    fixed_controller: FixedController | None = None  # the rest of the controller in fixed point
 
     @property
     def distinct_magnets(self) -> list[ForceController]:
-        """Those of the magnets that differ."""
+        """Magnets with different parameters."""
         magnets: list[ForceController] = []
         for magnet in self.magnets:
             if not any(magnet.parameters is other.parameters for other in magnets):
@@ -100,13 +102,13 @@ class StageController:
         return magnets
 
     def parameters_name(self, magnet: ForceController) -> str:
-        """Return what the parameters of a magnet are called."""
+        """Return the C name of the parameters of a magnet."""
         index = [one.parameters is magnet.parameters for one in self.distinct_magnets].index(True)
         return self.name if index == 0 else f"{self.name}_{index + 1}"
 
     @property
     def is_fixed(self) -> bool:
-        """Whether its magnets reckon in fixed point."""
+        """Whether the force controllers use fixed point."""
         return self.magnets[0].format == "fixed"
 
     @property
@@ -127,12 +129,12 @@ class StageController:
 
     @property
     def parameters_bytes(self) -> int:
-        """Size of all parameters of magnets where a pointer has 32 bits."""
+        """Size of the parameters of all magnets with 32-bit pointers, bytes."""
         return sum(_parameter_bytes(magnet) for magnet in self.distinct_magnets)
 
 
 def make_stage_sources(stage: StageController, version: str, vector_rows: int) -> dict[str, str]:
-    """Return the C files and what helps to build them; the golden vectors have so many rows."""
+    """Return the C files and build files; the golden vectors have `vector_rows` rows."""
     name = stage.name
     values = _template_values(stage, version) | {"rows": vector_rows}
     files = core_files(stage.core_sources, max(memory_counts(stage)))
@@ -155,7 +157,7 @@ def make_stage_sources(stage: StageController, version: str, vector_rows: int) -
 
 
 def memory_counts(stage: StageController) -> list[int]:
-    """Return the number of memories of the iron of each magnet."""
+    """Return the number of hysteresis states of each distinct magnet."""
     methods = [magnet.parameters for magnet in stage.distinct_magnets]
     return [m.block.memory_count if isinstance(m, HysteresisInverse) else 1 for m in methods]
 
@@ -165,7 +167,7 @@ def _kernel_name(block: Block) -> str:
 
 
 def _template_values(stage: StageController, version: str) -> dict[str, object]:
-    """Return what the templates show."""
+    """Return the values for the templates."""
     settings, scales = stage.settings, stage.magnets[0].scales
     return {
         "name": stage.name,
@@ -211,7 +213,7 @@ INTEGER_SETTINGS = ("off_ticks", "spare", "land_ticks", "spare_heads", "doubt", 
 
 
 def _real_values(stage: StageController) -> dict[str, object]:
-    """Return what they show of pose, PIDs and allocation in single precision."""
+    """Return the values for pose, PIDs and allocation in single precision."""
     settings = stage.settings
     values = {key: settings[key] for key in ("idle", "follow", "slew", "off", "jump")}
     values |= {end: settings[f"current_{end}"] for end in ("low", "high", "step")}
@@ -231,7 +233,7 @@ def _real_values(stage: StageController) -> dict[str, object]:
 
 
 def _code_values(stage: StageController, codes: FixedController) -> dict[str, object]:
-    """Return the same in fixed point."""
+    """Return the same values in fixed point."""
     numbers, scales, words = codes.integers, codes.scales, dict(codes.words)
     feedforward = make_feedforward_rows(stage.rows["mass"], stage.rows["weight"], scales)
     words |= dict(zip(("mass", "mass_shift", "weight"), feedforward, strict=True))
@@ -261,7 +263,7 @@ def _code_values(stage: StageController, codes: FixedController) -> dict[str, ob
 
 
 def _magnet_values(stage: StageController) -> dict[str, object]:
-    """Return what they show of the way from force to current."""
+    """Return the values for the force controllers."""
     parameters, scales = stage.magnets[0].parameters, stage.magnets[0].scales
     table, number_format = _find_map(parameters), "q31" if stage.is_fixed else "f32"
     low, high = ("", "") if table is None else map(float_literal, table.limits)
@@ -300,7 +302,7 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
 
 
 def _word_count(magnet: ForceController) -> int:
-    """Return how many words a block has; 0 where a magnet has none."""
+    """Return the number of words of a block; 0 if the method has no block."""
     if isinstance(magnet.parameters, PlayMap):
         return magnet.parameters.block(magnet.format).size
     block = getattr(magnet.parameters, "block", None)
@@ -337,7 +339,7 @@ def _table_text(name: str, values: FloatArray, *, is_integer: bool = False) -> d
 
 
 def _parameter_definitions(name: str, magnet: ForceController) -> str:
-    """Return the definitions of what a magnet's method knows."""
+    """Return the definitions of the parameters of a magnet's method."""
     parameters, is_fixed = magnet.parameters, magnet.format == "fixed"
     if isinstance(parameters, HysteresisInverse):
         words_of = f"{name.upper()}_PARAMETERS_WORDS"
@@ -356,13 +358,13 @@ def _parameter_definitions(name: str, magnet: ForceController) -> str:
 
 
 def _table_definition(name: str, doc: str, values: NDArray[np.int16] | FloatArray) -> str:
-    """Return a table, a row a gap: words of q15, or A."""
+    """Return the definition of a table: q15 words or A; one row per gap."""
     if values.dtype == np.int16:
         kind, unit, lines = "int16_t", "q15", [table_initialiser(values.astype(np.int16))]
     else:
         kind, unit = "float", "A"
         lines = [line for row in values.tolist() for line in wrap_row(float_list(row))]
-    head = f"/* {doc}, {unit}: a row a gap. */"
+    head = f"/* {doc}, {unit}; one row per gap. */"
     return "\n".join([head, f"static const {kind} {name}[{values.size}] = {{", *lines, "};"])
 
 

@@ -1,4 +1,4 @@
-"""Compilers, their refusals in one line, and which C files of the core a compensator needs."""
+"""Run compilers, report their errors in one line, and list the C files of the core for each kind."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from anhyst.support.errors import InputError, NegativeResult
 
 @dataclass(frozen=True, slots=True)
 class MissingTool:
-    """A tool that a target would need and that is not there."""
+    """Missing tool of a target."""
 
-    target: str  # who needs it
-    tool: str  # what it is: a program, a Python package, a library
-    install: str  # the command that brings it
+    target: str  # target that needs the tool
+    tool: str  # program, Python package or library
+    install: str  # command that installs it
 
     def text(self) -> str:
-        """Say it in a few words."""
+        """Return the tool and its install command in one line."""
         return f"{self.target}: {self.tool} ({self.install})"
 
 
@@ -53,11 +53,11 @@ def missing_modules(
 
 
 ACTUATOR_HEADER = "include/anhyst/actuator.h"
-"""Gives the actuator that a program is built around one set of names."""
+"""Header that gives the actuator of a program one set of names."""
 
 
 def actuator_defines(name: str) -> dict[str, str]:
-    """Return the macros by which that header knows what the actuator is called."""
+    """Return the macros that tell this header the name of the actuator."""
     return {"ACTUATOR_NAME": name, "ACTUATOR_MACRO": name.upper()}
 
 
@@ -72,7 +72,7 @@ TIME_LIMIT_S = 300.0
 
 
 def zig_cc(target: str) -> list[str]:
-    """Return the command of the C compiler inside the PyPI package ziglang."""
+    """Return the command of the C compiler in the PyPI package ziglang."""
     for missing in missing_modules(target, ["ziglang"]):
         raise InputError(f"target {missing.text()}", code="tool-missing", key=missing.tool)
     return [sys.executable, "-m", "ziglang", "cc"]
@@ -80,20 +80,20 @@ def zig_cc(target: str) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class Build:
-    """What is compiled, and how."""
+    """Sources and options of a program."""
 
     sources: tuple[Path, ...]  # C files
-    include: tuple[Path, ...] = ()  # folders of headers
+    include: tuple[Path, ...] = ()  # include folders
     defines: Mapping[str, str] = field(default_factory=dict)  # macros and their values
-    flags: tuple[str, ...] = ()  # everything else
-    libraries: tuple[str, ...] = ()  # what to link with, behind the sources
+    flags: tuple[str, ...] = ()  # other options
+    libraries: tuple[str, ...] = ()  # libraries, after the sources
 
     def options(self) -> list[str]:
-        """Return what is said to the compiler of every source."""
+        """Return the compiler options for every source."""
         return ["-std=c99", *WARNING_FLAGS, *self.flags]
 
     def preprocessor_options(self) -> list[str]:
-        """Return macros and folders of headers as the compiler is told."""
+        """Return macros and include folders as options."""
         return [
             *(f"-D{name}={value}" for name, value in self.defines.items()),
             *(f"-I{folder}" for folder in self.include),
@@ -114,7 +114,7 @@ def compile_c(compiler: Sequence[str], build: Build, output: Path, target: str) 
 
 
 def compile_cortex_m(cpu: str, build: Build, linker_script: Path, output: Path) -> int:
-    """Compile and link a program for a Cortex-M, with ziglang alone."""
+    """Compile and link a program for a Cortex-M, with ziglang only."""
     name, _, float_unit = cpu.replace("_", "-").partition("+")
     compiler = [
         *zig_cc(name),
@@ -131,7 +131,7 @@ def compile_cortex_m(cpu: str, build: Build, linker_script: Path, output: Path) 
 
 
 def run_tool(command: Sequence[str], target: str) -> str:
-    """Run a compiler or linker and return what it complains about."""
+    """Run a compiler or linker, and return its messages."""
     try:
         process = subprocess.run(
             command,
@@ -173,7 +173,7 @@ KIND_SOURCES: dict[Kind, tuple[str, ...]] = {
 
 MONITOR_SOURCES = ("compensator/watch.c", "compensator/saved.c")
 MONITOR_SOURCES_F32 = ("compensator/watch_f32.c", "compensator/saved_f32.c")
-"""What an interrupt and a power cycle need beyond solve and commit."""
+"""Sources that an interrupt and a power cycle need in addition to solve and commit."""
 
 _COMPENSATOR_SOURCES_F32 = ("compensator/block_f32.c", "compensator/compensator_f32.c")
 
@@ -182,23 +182,24 @@ KIND_SOURCES_F32: dict[Kind, tuple[str, ...]] = {
     "cells": (*_COMPENSATOR_SOURCES_F32, "compensator/cells_f32.c"),
     "simplified": (*_COMPENSATOR_SOURCES_F32, "compensator/simplified_f32.c"),
 }
-"""The same for single precision."""
+"""Sources of each kind in single precision."""
 
 PIDD2_SOURCES = ("control/pidd2.c",)
-"""PIDD2 alone, in fixed point."""
+"""Sources of PIDD2 in fixed point."""
 
 CONTROL_SOURCES = (
     *PIDD2_SOURCES,
     *("compensator/map.c", "compensator/force_controller.c"),
     *("control/supervisor.c", "control/levitation.c", "control/position.c"),
 )
-"""What a controller of the position needs beyond a compensator."""
+"""Sources of a position controller, in addition to those of the compensator."""
 
 AXES_SOURCES_F32 = (
     *("control/allocation_f32.c", "control/biquad_f32.c"),
     *("control/wrench_f32.c", "control/axes_f32.c"),
 )
-"""What the controller of a stage needs in single precision beyond its force controllers."""
+"""Sources of the controller of a stage in single precision, in addition to its force controllers.
+"""
 
 AXES_SOURCES_FIXED = ("control/allocation.c", "control/wrench_fixed.c", "control/axes_fixed.c")
 """The same in fixed point."""
@@ -209,13 +210,13 @@ FORCE_SOURCES_F32 = (
 )
 FORCE_SOURCES_FIXED = (*_COMPENSATOR_SOURCES, "compensator/force_controller.c", "compensator/map.c")
 FORCE_SOURCES_CODED = (*FORCE_SOURCES_FIXED, "compensator/force_coded_f32.c")
-"""These in single precision, in fixed point, and in fixed point behind single precision, beyond the
-kernel of a law."""
+"""Sources of force controllers, in addition to the kernel of a law: in single precision, in fixed
+point, and in fixed point with a single-precision interface."""
 
 PLAY_MAP_SOURCES_FIXED = ("compensator/play_map.c", "compensator/force_by_play.c")
 PLAY_MAP_SOURCES_F32 = ("compensator/play_map_f32.c", "compensator/force_by_play_f32.c")
 CORRECTED_SOURCES_F32 = ("compensator/force_corrected_f32.c",)
-"""And where a map with one play finds the current, or calibration corrects it."""
+"""Additional sources for a map with one play operator, and for calibration corrections."""
 
 INCLUDE_FOLDER = "include"
 SOURCE_FOLDER = "src"
@@ -224,18 +225,18 @@ _INCLUDE_LINE = re.compile(r'^#include "([^"]+)"$', re.M)
 
 
 def read_core(name: str) -> str:
-    """Return the text of one file of the core, such as ``port/anhyst_port_cortex_m4.h``."""
+    """Return the text of a file of the core, such as ``port/anhyst_port_cortex_m4.h``."""
     return (core_folder() / name).read_text(encoding="utf-8")
 
 
 MEMORIES_HEADER = f"{INCLUDE_FOLDER}/anhyst/compensator/plays.h"
-"""Says how many memories of its law a compensator has room for."""
+"""Header that defines the number of hysteresis states of a compensator."""
 
 
 def core_files(sources: Iterable[str], memories: int = 1) -> dict[str, str]:
-    """Return sources of the core with every header that they include, as they are.
+    """Return sources of the core with all headers that they include.
 
-    With more than one memory the header that says so is made to.
+    With more than one hysteresis state, the number in `MEMORIES_HEADER` is replaced.
     """
     files: dict[str, str] = {}
     pending = [f"{SOURCE_FOLDER}/{name}" for name in sources]
@@ -254,7 +255,7 @@ def core_files(sources: Iterable[str], memories: int = 1) -> dict[str, str]:
 
 
 def _header_path(file: str, included: str) -> str:
-    """Return where a header stands that a file names: a public one, or one beside the file."""
+    """Return the path of an included header: a public one, or one in the folder of the file."""
     if included.startswith("anhyst/"):
         return f"{INCLUDE_FOLDER}/{included}"
     return posixpath.normpath(f"{file.rpartition('/')[0]}/{included}")

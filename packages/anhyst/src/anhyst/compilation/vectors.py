@@ -1,9 +1,8 @@
-"""Golden vectors: what goes in and what must come out, code by code.
+"""Make golden vectors: inputs of a compensator or a controller, and the expected outputs.
 
-Golden vectors of a position controller: an armature is lifted, moved and set down.
-
-The magnet is the model in double precision, the armature a mass between two stops, and what the
-controller sees of it has steps, as an encoder's.
+Compensators run over jumps, moving gaps, values beyond the limits and deviating currents. A
+position controller lifts, moves and sets down a simulated armature: a magnet in double precision, a
+mass between two stops, and a position sensor with finite resolution, such as an encoder.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ VectorRow = tuple[float, float, float, float]
 
 
 def make_golden_vectors(plan: Plan) -> list[VectorRow]:
-    """Run a compensator over jumps, moving gaps, codes beyond limits and currents not given."""
+    """Run a compensator over all kinds of inputs, and return inputs and currents."""
     inputs = _make_inputs(plan)
     loss_factors = np.random.default_rng(SEED + 1).random(VECTOR_ROWS)
     solve, commit = _select_steps(plan)
@@ -40,7 +39,7 @@ def make_golden_vectors(plan: Plan) -> list[VectorRow]:
     for index, (demand, gap) in enumerate(inputs.tolist()):
         current = solve(demand, gap)
         applied = current
-        if index % 8 == 7:  # the amplifier gives less than was wanted
+        if index % 8 == 7:  # the amplifier delivers less than the solved current
             applied = type(current)(current * loss_factors[index])
             applied = float(np.float32(applied)) if isinstance(applied, float) else applied
         commit(applied, gap)
@@ -49,7 +48,7 @@ def make_golden_vectors(plan: Plan) -> list[VectorRow]:
 
 
 def _select_steps(plan: Plan) -> tuple[Step, Step]:
-    """Return solve and commit of a fresh compensator, in what its interface takes."""
+    """Return solve and commit of a new compensator, in the format of its signals."""
     core = make_core(plan.block)
     if not isinstance(core, FixedCompensator):
         return core.solve, core.commit
@@ -57,7 +56,7 @@ def _select_steps(plan: Plan) -> tuple[Step, Step]:
 
 
 def _make_inputs(plan: Plan) -> NDArray[Any]:
-    """Return demand and gap as the interface takes them: a walk, jumps, some out of range."""
+    """Return demands and gaps in the format of the signals: a walk, jumps, some out of range."""
     low, high = (end / plan.block.scales.demand for end in plan.block.limits.demand)
     if plan.request.io == "f32":
         scales = plan.block.scales
@@ -68,13 +67,13 @@ def _make_inputs(plan: Plan) -> NDArray[Any]:
 
 
 def make_input_codes(demand_range: tuple[float, float], code_of_one: int) -> NDArray[np.int32]:
-    """Return demands and gaps as fixed point takes them, shape (ROWS, 2)."""
+    """Return demands and gaps as fixed-point codes, shape (VECTOR_ROWS, 2)."""
     codes = np.rint(np.stack(_make_walk(demand_range), axis=1) * code_of_one)
     return np.asarray(np.clip(codes, -code_of_one, code_of_one - 1), dtype=np.int32)
 
 
 def _make_walk(demand_range: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-    """Return demands and gaps in parts of their ranges."""
+    """Return demands and gaps as fractions of their ranges."""
     random = np.random.default_rng(SEED)
     low, high = demand_range
     walk = np.cumsum(
@@ -91,13 +90,13 @@ def _make_walk(demand_range: tuple[float, float]) -> tuple[FloatArray, FloatArra
 
 
 def write_vectors_csv(columns: Iterable[str], table: Iterable[Sequence[float]]) -> str:
-    """Return vectors as a CSV file."""
+    """Return vectors as the text of a CSV file."""
     rows = (",".join(map(_cell_text, row)) for row in table)
     return "\n".join([",".join(columns), *rows]) + "\n"
 
 
 def _cell_text(value: float) -> str:
-    """Return a code, or the shortest number that comes back in single precision."""
+    """Return a code, or the shortest text of a number in single precision."""
     return str(value) if isinstance(value, int) else str(np.float32(value))
 
 
@@ -115,27 +114,27 @@ LEVITATION_COLUMNS = (
     "flags",
 )
 LEVITATION_INPUT_COUNT = 5 + POSITION_MAGNETS
-"""Of these columns; the others are answers."""
+"""Number of input columns. The others are outputs."""
 
 _SUBSTEPS = 4
-_SENSOR_STEPS_PER_RANGE = 4096  # over the gaps that can be
+_SENSOR_STEPS_PER_RANGE = 4096  # resolution of the position sensor, steps over the possible gaps
 _WAIT_S = 0.01
-_RAMP_S = 0.03  # of the force, at lift-off and after landing
-_MAX_TICKS = 20_000  # of one run
+_RAMP_S = 0.03  # duration of the force ramps at lift-off and after landing
+_MAX_TICKS = 20_000  # for one run
 _Q31 = 2.0**31
 
 LevitationRow = tuple[int, ...]
 
 
 def to_q31(value: float, full: float) -> int:
-    """Return the nearest q31 of a signal; halves go up, what is beyond saturates."""
+    """Return the nearest q31 code of a signal; halves are rounded up, and overflow saturates."""
     return int(max(-_Q31, min(_Q31 - 1.0, math.floor(value / full * _Q31 + 0.5))))
 
 
 def make_levitation_vectors(plan: Plan, controller: ControllerPlan) -> list[LevitationRow]:
-    """Levitate a simulated armature and write down what the controller was given and answered.
+    """Levitate a simulated armature, and record inputs and outputs of the controller.
 
-    Power on, lift-off, a step, a sample that is missing and one that cannot be, landing.
+    The run contains start, lift-off, a step, a missing sample, an implausible sample, and landing.
     """
     return _LevitationRun(plan, controller).run()
 
@@ -199,7 +198,7 @@ class _LevitationRun:
             self._step()
 
     def _step(self, command: Command = Command.NONE, read_gap: float | None = None) -> None:
-        """Let the controller answer, then the armature go on; what is driven flows a tick later."""
+        """Run the controller for a tick, then the armature; new currents flow one tick later."""
         used_gap = self._read_gap() if read_gap is None else read_gap
         measured = self.currents[0], self.currents[1]
         answer = self.native.tick(used_gap, self.target, 0.0, measured, command=int(command))
@@ -235,7 +234,7 @@ class _LevitationRun:
         yield answer[5]
 
     def _magnet_gap(self, magnet: int) -> float:
-        """Return the gap of a magnet, within what its law knows."""
+        """Return the gap of a magnet, limited to the range of its model."""
         total = self.controller.control.gap_total
         gap = self.gap if magnet == 0 or total is None else total - self.gap
         scales = self.plan.block.scales

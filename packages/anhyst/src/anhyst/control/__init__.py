@@ -1,4 +1,4 @@
-"""Controllers of the position: what designs them; the C core runs them."""
+"""Design position controllers; the C core runs them."""
 
 from anhyst.control.exchange import from_control, to_control
 from anhyst.control.pidd2 import FixedPidd2, FullScales, Gains, Pidd2, design

@@ -1,6 +1,6 @@
-"""The controller file: gains, limits, compensation, lift-off and landing.
+"""Read and write the controller file: gains, limits, compensation, lift-off and landing.
 
-Everything is SI and the unit stands in the key. Every key is described in docs/controller-file.md.
+All values are SI, with the unit in the key. docs/controller-file.md describes every key.
 """
 
 # ruff: noqa: N815 - keys of the file carry units
@@ -37,17 +37,17 @@ from anhyst.support.toml_text import KeyPath, toml_value
 Ticks = Annotated[int, Field(ge=0, le=65535)]
 
 RELEASE_TIME_S = 0.1
-"""Time in which the largest current goes to zero when nothing is controlled, s."""
+"""Time in which the largest current decreases to zero when no controller is active, s."""
 
 MIN_STEP_M = 1e-9
-"""Least that a gap may be allowed to change from tick to tick, m."""
+"""Smallest allowed value of `step_m`, the largest change of the gap per tick, m."""
 
 DEFAULT_CONVERTER_BITS = 16
-"""Of the converter of the current references, where the file does not say."""
+"""Bits of the converter of the current references, if the file has no [converter]."""
 
 
 class DesignTable(Table):
-    """``[design]``: gains by the design rule."""
+    """``[design]``: gains from the design rule."""
 
     mass_kg: Positive
     bandwidth_Hz: Positive
@@ -57,13 +57,13 @@ class DesignTable(Table):
     @model_validator(mode="after")
     def _check_mass(self) -> Self:
         if not self.mass_kg + self.virtual_mass_kg > 0.0:
-            text = "virtual_mass_kg takes away all of mass_kg; raise it"
+            text = "the sum of virtual_mass_kg and mass_kg is not above 0; raise it"
             raise InputError(text, code="virtual-mass-too-negative")
         return self
 
 
 class GainsTable(Table):
-    """``[gains]``: gains as they are."""
+    """``[gains]``: explicit gains."""
 
     K_p_N_per_m: Positive
     K_i_N_per_m_s: NotNegative
@@ -72,14 +72,14 @@ class GainsTable(Table):
 
 
 class FilterTable(Table):
-    """``[filter]``: low-passes of the derivatives."""
+    """``[filter]``: low-pass filters of the derivatives."""
 
     cutoff_Hz: Positive
     cutoff_2_Hz: Positive
 
 
 class LimitsTable(Table):
-    """``[limits]``: what holds whatever the gains are."""
+    """``[limits]``: limits that do not depend on the gains."""
 
     force_low_N: Number
     force_high_N: Number
@@ -94,8 +94,8 @@ class LimitsTable(Table):
     def _check_step(cls, step: float) -> float:
         if step < MIN_STEP_M:
             raise InputError(
-                f"{step:g} m is below {MIN_STEP_M:g} m, less than any position sensor's noise: no "
-                "reading would count; raise it",
+                f"{step:g} m is below {MIN_STEP_M:g} m, less than the noise of any position sensor, so "
+                "that no reading would be plausible; raise it",
                 code="step-too-fine",
             )
         return step
@@ -109,7 +109,7 @@ class LimitsTable(Table):
 
 
 class CompensationTable(Table):
-    """``[compensation]``: what turns a wanted force into a current."""
+    """``[compensation]``: the method from a demanded force to a current."""
 
     variant: MethodName
     format: NumberFormat
@@ -118,7 +118,7 @@ class CompensationTable(Table):
 
 
 class ConverterTable(Table):
-    """``[converter]``: of the current references to the amplifiers."""
+    """``[converter]``: digital-to-analogue converter of the current references."""
 
     low_A: Number
     high_A: Number
@@ -138,7 +138,7 @@ class PairTable(Table):
 
 
 class LiftOffTable(Table):
-    """``[lift_off]``: from the rest position into the air."""
+    """``[lift_off]``: from the rest position to levitation."""
 
     force_rate_N_per_s: Positive
     detect_m: Positive
@@ -146,21 +146,21 @@ class LiftOffTable(Table):
 
 
 class LandingTable(Table):
-    """``[landing]``: back to rest."""
+    """``[landing]``: back to the rest position."""
 
     speed_m_per_s: Positive
     force_rate_N_per_s: Positive
 
 
 class SafetyTable(Table):
-    """``[safety]``: what is done without a position."""
+    """``[safety]``: behaviour without a valid position."""
 
     max_missing_samples: Ticks
     hold_ticks: Ticks
 
 
 class ControllerTable(Table):
-    """The whole file."""
+    """Content of a controller file."""
 
     format: Literal["anhyst-controller"]
     version: Literal[1]
@@ -187,7 +187,7 @@ class ControllerTable(Table):
             )
         rule = self.design
         if rule is None:
-            text = "neither [design] nor [gains] is there; add one of the two tables"
+            text = "[design] and [gains] are both missing; add one of the two tables"
             raise InputError(text, code="missing", key="design")
         return design(rule.mass_kg, rule.bandwidth_Hz, rule.damping, rule.virtual_mass_kg)
 
@@ -201,12 +201,12 @@ class ControllerTable(Table):
         )
 
     def _values_by_name(self, *names: str) -> dict[str, Any]:
-        """Return what the file says of some names of :mod:`anhyst.control`."""
+        """Return the values of the file for some names of :mod:`anhyst.control`."""
         places = {name: _FILE_KEYS[name] for name in names}
         return {name: getattr(getattr(self, table), key) for name, (table, key) in places.items()}
 
     def current_converter(self) -> ReferenceConverter:
-        """Return the converter of the references; where none is named, one over their limits."""
+        """Return the converter of the current references; it may be omitted in the file."""
         if (converter := self.converter) is not None:
             return ReferenceConverter(converter.low_A, converter.high_A, converter.bits)
         limits = self.limits
@@ -224,7 +224,7 @@ class ControllerTable(Table):
     ) -> tuple[float, float]:
         """Return the gaps of either magnet for which its compensator is made.
 
-        Beyond the gaps that were measured a compensator goes on as at the last one.
+        Beyond the measured gaps, a compensator uses the values of the nearest measured gap.
         """
         low, high = self.limits.gap_low_m, self.limits.gap_high_m
         if pair is not None:
@@ -238,7 +238,7 @@ class ControllerTable(Table):
         pair: PairTable | None,
         flux_full_scale: float = 1.0,
     ) -> PositionControl:
-        """Return the controller of the position around its compensators."""
+        """Return the position controller for compensators with given scales."""
         return PositionControl(
             pidd2=self.pidd2(),
             levitation=Levitation(
@@ -265,14 +265,14 @@ class ControllerTable(Table):
 
 @dataclass(frozen=True, slots=True)
 class ControllerFile:
-    """A controller as its file describes it."""
+    """A controller file with its content."""
 
-    path: Path  # the file
-    settings: ControllerTable  # what it says
+    path: Path  # path of the file
+    settings: ControllerTable  # content of the file
 
     @property
     def model(self) -> Path | None:
-        """Model file of the compensator, if one is named."""
+        """Model file of the compensator, or None if the file names no model."""
         model = self.settings.compensation.model
         return None if model is None else self.path.parent / model
 
@@ -289,7 +289,7 @@ def read_controller(path: PathLike) -> ControllerFile:
 def _find_faults(settings: ControllerTable) -> list[FileFault]:
     faults: list[FileFault] = []
     if settings.design is not None and settings.gains is not None:
-        text = "stands beside [design]; keep one of the two tables"
+        text = "is given in addition to [design]; keep one of the two tables"
         faults.append(FileFault(("gains",), text, code="both-given"))
     if settings.design is None and settings.gains is None:
         text = "is missing, and so is [gains]; add one of the two tables"
@@ -301,12 +301,12 @@ def _find_faults(settings: ControllerTable) -> list[FileFault]:
             faults.append(FileFault(("filter", key), f"{text}; lower it", code="above-half-rate"))
     limits = settings.limits
     if limits.current_low_A > 0.0:
-        text = f"{limits.current_low_A:g} A is above 0, but at rest no current flows; lower it"
+        text = f"{limits.current_low_A:g} A is above 0, but the current is 0 at rest; lower it"
         faults.append(FileFault(("limits", "current_low_A"), text, code="zero-outside-range"))
     for key, unit, what in (("force_high_N", "N", "force"), ("current_high_A", "A", "current")):
         value = getattr(limits, key)
         if not value > 0.0:
-            text = f"{value:g} {unit} is not above 0, and no other {what} lifts; raise it"
+            text = f"{value:g} {unit} is not above 0, but only a positive {what} lifts; raise it"
             faults.append(FileFault(("limits", key), text, code="not-above-zero"))
     return faults
 
@@ -329,19 +329,19 @@ _FILE_KEYS: Mapping[str, tuple[str, str]] = {
     "second": ("gains", "K_dd_N_s2_per_m"),
     "back": ("gains", "K_i_N_per_m_s"),
 }
-"""Where in the file stands what :mod:`anhyst.control` names."""
+"""Table and key of the file for each name of :mod:`anhyst.control`."""
 
 
 @contextmanager
 def error_at_key(file: ControllerFile) -> Iterator[None]:
-    """Name file, line and key where a controller cannot be made from a file."""
+    """Add file, line and key to errors that are raised while a controller is made from a file."""
     try:
         yield
     except InputError as error:
         name, _, text = str(error).partition(": ")
         key: KeyPath = _FILE_KEYS.get(name, ())
         if key[:1] == ("gains",) and file.settings.gains is None:
-            key = ("design", "bandwidth_Hz")  # all gains grow with it
+            key = ("design", "bandwidth_Hz")  # all gains increase with the bandwidth
             text = str(error)
         raise faults_error(
             file.path, [FileFault(key, text if key else str(error), code=error.code)]
@@ -363,13 +363,13 @@ TABLE_COMMENTS = {
 
 
 def write_controller(path: PathLike, settings: ControllerTable, note: str) -> None:
-    """Write a controller file, whole or not at all, for a person to read and edit."""
+    """Write a controller file for people to read and edit; an error leaves no partial file."""
     with atomic_writer(path) as stream:
         stream.write(controller_text(settings, note))
 
 
 def controller_text(settings: ControllerTable, note: str) -> str:
-    """Return the text of a controller file; the same for the same settings."""
+    """Return the text of a controller file; equal settings give the same text."""
     lines = [f"# {line}".rstrip() for line in note.splitlines()]
     lines.append("# Every key is described in docs/controller-file.md. SI, the unit in the key.")
     tables: list[str] = []

@@ -1,12 +1,13 @@
-"""Controllers as objects of python-control, and back.
+"""Convert PIDD2 controllers to python-control transfer functions and back.
 
-What the core computes is linear between its limits. Over z, with the gains per tick of
-:attr:`Pidd2.per_tick` (P, K, D, E, L; shares s and t of the two filters; weight b)::
+Between its limits, the controller of the core is linear. With the gains per tick of
+:attr:`Pidd2.per_tick` (P, K, D, E, L; shares s and t of the two filters; weight b) and reference r,
+position p and load l::
 
     first  = s (z - 1)/(z - 1 + s)          second = t (z - 1)/(z - 1 + t) first
     u = (b P + K/(z - 1)) r - (P + K/(z - 1) + D first + E second) p + L l
 
-python-control is in the extra ``control``; nothing else of anhyst needs it.
+python-control is in the extra ``control``; no other module of anhyst needs it.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ if TYPE_CHECKING:
 INPUT_NAMES = ("reference", "position", "load")
 OUTPUT_NAME = "demand"
 
-_RELATIVE_ROUNDING = 1e-12  # of a polynomial's coefficients, relative to their sum
+_RELATIVE_ROUNDING = 1e-12  # relative to the sum of the coefficients of a polynomial
 _W = Polynomial([0.0, 1.0])  # z - 1
 
 
 def to_control(controller: Pidd2 | FixedPidd2) -> TransferFunction:
-    """Return what the core computes between its limits."""
+    """Return the transfer function that the core calculates between its limits."""
     library = control_library()
     p, k, d, e, load, _, s, t, weight = (float(x) for x in controller.per_tick[:9])
     has_integral, has_first_filter, has_second_filter = k != 0.0, d != 0.0 or e != 0.0, e != 0.0
@@ -72,7 +73,7 @@ def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -
             "give one from the error, or one with " + ", ".join(INPUT_NAMES),
             code="signals-wrong",
         )
-    # of a low-pass that passes this share of a step in one tick, Hz
+    # cutoff of a low-pass that passes a given share of a step in one tick, Hz
     cutoff, cutoff_2 = (
         -math.log1p(-share) * rate / (2.0 * math.pi)
         if share < 1.0 - _RELATIVE_ROUNDING
@@ -103,12 +104,12 @@ def control_library() -> Any:
 
 
 def _coefficients_in_z(over_w: Polynomial) -> FloatArray:
-    """Return the coefficients over z, highest first, of a polynomial over w = z - 1."""
+    """Return the coefficients in z, highest power first, of a polynomial in w = z - 1."""
     return np.asarray(over_w(Polynomial([-1.0, 1.0])).coef[::-1])
 
 
 def _coefficients_in_w(coefficients: FloatArray) -> FloatArray:
-    """Return the coefficients over w = z - 1, lowest first, rounding taken for zero."""
+    """Return the coefficients in w = z - 1, lowest power first; rounding errors become zero."""
     ascending = np.atleast_1d(np.asarray(coefficients, dtype=float))
     shifted = np.array(Polynomial(ascending[::-1])(Polynomial([1.0, 1.0])).coef, dtype=np.float64)
     shifted[np.abs(shifted) < _RELATIVE_ROUNDING * np.sum(np.abs(ascending))] = 0.0
@@ -116,7 +117,7 @@ def _coefficients_in_w(coefficients: FloatArray) -> FloatArray:
 
 
 def _check_time(transfer: TransferFunction, rate: float) -> None:
-    """Refuse what is not discrete with this rate."""
+    """Check that a transfer function is discrete and has the given sample rate."""
     if not (math.isfinite(rate) and rate > 0.0):
         raise wrong_key("rate", f"{rate} Hz is not above zero", code="not-above-zero")
     if transfer.dt is None or transfer.dt == 0:
@@ -127,7 +128,7 @@ def _check_time(transfer: TransferFunction, rate: float) -> None:
         )
     if transfer.dt is not True and not math.isclose(transfer.dt * rate, 1.0, rel_tol=1e-9):
         raise InputError(
-            f"transfer function: its tick is {transfer.dt:g} s, which is not 1/rate = "
+            f"transfer function: its sample time is {transfer.dt:g} s, which is not 1/rate = "
             f"{1.0 / rate:g} s",
             code="tick-differs",
         )
@@ -142,7 +143,7 @@ def _gains_and_shares(
     if not np.any(below):
         raise InputError("transfer function: its denominator is zero", code="denominator-zero")
     has_integral = below[0] == 0.0
-    filters = below[1:] if has_integral else below  # of the filters alone
+    filters = below[1:] if has_integral else below  # polynomial of the filters
     if len(filters) > 3 or filters[0] == 0.0:
         raise InputError(
             "transfer function: has more than an integrator and two other poles; a PIDD2 has no "
@@ -151,15 +152,15 @@ def _gains_and_shares(
         )
     if len(above) > len(below):
         raise InputError(
-            "transfer function: has more zeros than poles, so it looks ahead", code="looks-ahead"
+            "transfer function: has more zeros than poles, so it is not causal", code="looks-ahead"
         )
     above = np.pad(above, (0, 4 - len(above))) / filters[-1]
     shares = _filter_shares(filters / filters[-1])
     s, t = shares
     if not has_integral:
         above = np.concatenate([[0.0], above[:3]])
-    # Over (z - 1)(z - 1 + s)(z - 1 + t); a filter that is not there passes all, s = 1, and its
-    # factor z cancels.
+    # The numerator belongs to (z - 1)(z - 1 + s)(z - 1 + t). A filter that does not exist has s =
+    # 1, and its factor z cancels.
     for _ in range(3 - len(filters)):
         above = above + np.concatenate([[0.0], above[:3]])
     k = above[0] / (s * t)
@@ -186,13 +187,13 @@ def _filter_shares(filters: FloatArray) -> tuple[float, float]:
         shares = (larger, product / larger)
     if not all(0.0 < share <= 1.0 + _RELATIVE_ROUNDING for share in shares):
         poles = ", ".join(f"{1.0 - share:g}" for share in shares)
-        text = f"transfer function: poles at {poles}; filters have theirs within 0..1"
+        text = f"transfer function: poles at {poles}; those of filters must be within 0..1"
         raise InputError(text, code="poles-out-of-range")
     return shares
 
 
 def _read_weight(transfer: TransferFunction, p: float, k: float) -> float:
-    """Read the weight of the set point from the way of the reference."""
+    """Read the weight of the setpoint from the path of the reference."""
     above = _coefficients_in_w(transfer.num[0][0])
     below = _coefficients_in_w(transfer.den[0][0])
     order = 1 if k == 0.0 else 2
@@ -203,7 +204,9 @@ def _read_weight(transfer: TransferFunction, p: float, k: float) -> float:
     above = above / below[-1]
     if order == 2 and not math.isclose(above[0], k, rel_tol=1e-6):
         raise wrong_key(
-            "reference", "has another gain of the integral than the position", code="not-a-pidd2"
+            "reference",
+            "has an integral gain that differs from that of the position",
+            code="not-a-pidd2",
         )
     if p == 0.0:
         return 1.0
@@ -213,8 +216,8 @@ def _read_weight(transfer: TransferFunction, p: float, k: float) -> float:
 
 
 def _read_constant(numerator: FloatArray, denominator: FloatArray) -> float:
-    """Return the value of a function that must be one number."""
+    """Return the value of a transfer function that must be constant."""
     above, below = _coefficients_in_w(numerator), _coefficients_in_w(denominator)
     if len(above) != 1 or len(below) != 1:
-        raise wrong_key("load", "must be fed forward by one number", code="not-a-pidd2")
+        raise wrong_key("load", "must be fed forward by a constant gain", code="not-a-pidd2")
     return float(above[0] / below[0])

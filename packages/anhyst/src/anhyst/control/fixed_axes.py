@@ -1,6 +1,8 @@
-"""The controller of a stage as words of fixed point: a full scale for each quantity.
+"""Convert the controller of a stage to fixed-point words, with a full scale for each quantity.
 
-``core/include/anhyst/control/axes_fixed.h`` and ``wrench_fixed.h`` run them.
+The input is a controller in SI units: pose of the heads, PID filters, masses, and the layout of the
+magnets (drives). ``core/include/anhyst/control/axes_fixed.h`` and ``wrench_fixed.h`` run the
+result. Full scales are powers of two, except for those of the force controllers.
 """
 
 from __future__ import annotations
@@ -17,34 +19,37 @@ from anhyst._core import FixedAxes, FixedForceController, ForceController, Force
 from anhyst.support.errors import InputError, wrong_key
 from anhyst.support.numeric import FloatArray, to_q31
 
-_ROW_BITS, _ROW_SHIFT = 27, 58
-_PID_BITS, _PID_SHIFT = 29, 29
-_MIN_PID_NUMBER = 512  # rounded to 0.1 %
-_Q31, _Q30 = 2.0**31, 2.0**30
+_ROW_BITS = 27
+_MAX_ROW_SHIFT = 58
+_PID_BITS = 29
+_MAX_PID_SHIFT = 29
+_MIN_PID_NUMBER = 512  # a smaller number would be rounded by more than 0.1 %
+_Q31 = 2.0**31
+_Q30 = 2.0**30
 FULL_SCALE_MARGIN = 2.0
-"""By how much full scales are larger than what is believed or can be made."""
+"""Factor between a full scale and the largest plausible or producible value."""
 
 _CORE_SCALES = ("wrench", "head", "current", "gap_low", "gap_high")
 Words = dict[str, NDArray[Any]]
 CoreForceController = ForceController | ForceControllerF32 | FixedForceController
-"""A force controller of the core; in fixed point it takes those in fixed point alone."""
+"""Force controller of the core. A controller in fixed point accepts only those in fixed point."""
 
 
 class DriveLayout(NamedTuple):
-    """Lines of action of the drives, SI."""
+    """Lines of action of the drives, and the limits of their forces; SI."""
 
-    unit_wrench: FloatArray  # wrench of 1 N of each, a row a drive
-    opponents: Sequence[int]  # for each that which pulls against it, itself where it is alone
-    yield_weights: Sequence[float]  # how readily each coordinate is given up, of 1
+    unit_wrench: FloatArray  # wrench of 1 N of each drive; one row per drive
+    opponents: Sequence[int]  # index of the opposing drive; its own index if there is none
+    yield_weights: Sequence[float]  # relative weight with which a coordinate may be given up
     allocation: int
-    idle_force: float  # N, of both of a pair
-    force_min: float  # N, of a drive that is alone
+    idle_force: float  # idle force of both drives of a pair, N
+    force_min: float  # smallest force of a drive without an opponent, N
     force_max: float  # N
 
 
 @dataclass(frozen=True)
 class FixedScales:
-    """What full scale of each quantity is, SI."""
+    """Full scale of each quantity, SI."""
 
     head: float  # m
     pose: FloatArray  # m or rad, of each coordinate
@@ -56,7 +61,7 @@ class FixedScales:
     gap_high: float  # m
 
     def as_dict(self) -> dict[str, float | list[float]]:
-        """Return all of them, for JSON."""
+        """Return all full scales, for JSON."""
         return {key: np.asarray(value).tolist() for key, value in vars(self).items()}
 
     def gaps(self, gap: FloatArray) -> FloatArray:
@@ -67,22 +72,22 @@ class FixedScales:
 
 @dataclass(frozen=True)
 class FixedController:
-    """All of a controller in fixed point, by the names of the core."""
+    """Controller of a stage in fixed point, with the names of the core."""
 
-    words: Words  # tables, `..._shift` beside those that are rows
+    words: Words  # tables; `..._shift` contains the shifts of the rows of a table
     integers: dict[str, int]
     scales: FixedScales
-    head_rows: FloatArray  # what each head reads of a pose, a row a head
+    head_rows: FloatArray  # reading of each head for a pose; one row per head
 
     def make_core(self, magnets: Sequence[CoreForceController], flux: float) -> FixedAxes:
-        """Return the controller over force controllers whose full scale of the flux density is that."""
+        """Return the core's controller for some force controllers; `flux`: their full scale, T."""
         scales = {key: value for key, value in self.scales.as_dict().items() if key in _CORE_SCALES}
         full = scales | {"at": self.head_rows.ravel().tolist(), "flux": flux}
         return FixedAxes(list(magnets), self.words, self.integers, full)
 
 
 def signal_codes(value: FloatArray, full_scale: float | FloatArray) -> FloatArray:
-    """Return the nearest codes of signals, the lowest number for what is none."""
+    """Return the nearest codes of signals; NaN becomes the lowest number."""
     saturated = np.clip(np.floor(value / full_scale * _Q31 + 0.5), 1.0 - _Q31, _Q31 - 1.0)
     return np.where(np.isnan(saturated), -_Q31, saturated)
 
@@ -90,7 +95,7 @@ def signal_codes(value: FloatArray, full_scale: float | FloatArray) -> FloatArra
 def make_fixed_allocation(
     drives: DriveLayout, wrench: FloatArray, force: float
 ) -> tuple[Words, dict[str, int]]:
-    """Return words and numbers of how a wrench is shared out, from full scales of both."""
+    """Return words and integers of the allocation of a wrench, for full scales of wrench and force."""
     opponents = np.array(drives.opponents)
     is_first = opponents >= np.arange(len(opponents))
     size = np.sqrt((drives.unit_wrench**2).sum(axis=0))
@@ -136,7 +141,7 @@ def make_fixed_controller(
         raise _range_error("small", "control.lift_m_per_s")
     ends = ("low", "high", "step")
     low, high, step = (to_q31(settings[f"current_{end}"] / scales.current) for end in ends)
-    high = low + (high - low) // step * step  # the last one of the converter's grid
+    high = low + (high - low) // step * step  # the last current of the converter's grid
     numbers |= {"current_low": low, "current_high": high, "current_step": step}
     numbers |= {"heads": heads, "follow": to_q31(settings["follow"])}
     numbers |= {key: to_q31(settings[key] / scales.current) for key in ("slew", "off")}
@@ -149,7 +154,7 @@ def make_fixed_controller(
 def make_feedforward_rows(
     mass: FloatArray, weight: FloatArray, scales: FixedScales
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return numbers and shifts of the rows from accelerations to a wrench, and codes of the weight."""
+    """Return the rows from accelerations to a wrench, their shifts, and codes of the weight."""
     words = _scale_rows("mass", mass * scales.acceleration / scales.wrench[:, None])
     return words["mass"], words["mass_shift"], signal_codes(weight, scales.wrench)
 
@@ -157,7 +162,7 @@ def make_feedforward_rows(
 def _scales(
     rows: Mapping[str, FloatArray], drives: DriveLayout, settings: Mapping[str, float]
 ) -> FixedScales:
-    """Return full scales: powers of two, but those of the force controllers."""
+    """Return the full scales: powers of two, except for those of the force controllers."""
     reach = rows["reach"][:, 0]
     pose = np.maximum(reach, np.abs(rows["decouple"]) @ reach)
     wrench = _round_full_scale(np.abs(drives.unit_wrench).sum(axis=0) * drives.force_max)
@@ -178,25 +183,25 @@ def _round_full_scale(maximum: FloatArray) -> FloatArray:
 
 
 def _as_core_integers(words: Words) -> Words:
-    """Return whole numbers as the core has them."""
+    """Return the words in the integer types of the core."""
     short_names = {name for name in words if name.endswith("_shift") or name == "against"}
     return {key: words[key].astype(np.uint16 if key in short_names else np.int32) for key in words}
 
 
 def _scale_rows(name: str, values: FloatArray) -> Words:
-    """Return numbers and shifts of rows of codes."""
+    """Return the rows of a matrix as integers, each with its own shift."""
     size = np.abs(values).max(axis=1)
     shift = np.floor(_ROW_BITS - np.log2(np.maximum(size, 2.0**-1000)))
     if (shift < 0.0).any():
         raise _range_error("large", name)
-    shift = np.minimum(shift, _ROW_SHIFT)
+    shift = np.minimum(shift, _MAX_ROW_SHIFT)
     return {name: np.round(values * 2.0 ** shift[:, None]), f"{name}_shift": shift[:, None]}
 
 
 def _pid_words(filter_: Sequence[float], gain: float) -> list[float]:
-    """Return a filter with an integral and one more real pole as the words of its partial fractions.
+    """Return the words of a PID filter: partial fractions of an integral and another real pole.
 
-    Gain takes it from SI to codes.
+    `gain` converts the filter from SI units to codes.
     """
     b0, b1, b2, a1, pole = filter_
     if abs(1.0 + a1 + pole) > 1e-9 or not -1.0 < pole < 1.0:
@@ -204,7 +209,7 @@ def _pid_words(filter_: Sequence[float], gain: float) -> list[float]:
     c1, c0, decay = b1 - b0 * a1, b2 - b0 * pole, 1.0 - pole
     parts = [gain * b0, gain * (c1 + c0) / decay, -gain * (c1 * pole + c0) / decay]
     size = max(abs(parts[0]), abs(parts[1]), abs(parts[2]) / min(decay, 1.0))
-    shift = min(math.floor(_PID_BITS - math.log2(size)), _PID_SHIFT)
+    shift = min(math.floor(_PID_BITS - math.log2(size)), _MAX_PID_SHIFT)
     numbers = [round(part * 2.0**shift) for part in parts]
     if shift < 0:
         raise _range_error("large", "control.crossover_Hz")

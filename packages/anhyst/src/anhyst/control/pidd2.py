@@ -1,4 +1,9 @@
-"""Gains in SI units, of PIDD2 and of filters of second order, and what the core makes of them."""
+"""Convert the gains of a PIDD2 controller from SI units to the numbers of the C core.
+
+A PIDD2 has proportional, integral, first and second derivative parts. `design` calculates its gains
+from mass, bandwidth and damping. `Pidd2` gives the gains per tick for floating point, and
+`FixedPidd2` gives the words for fixed point. `notch` and `integrator` return second-order filters.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +23,11 @@ _Q31 = 2.0**31
 
 @dataclass(frozen=True)
 class FullScales:
-    """What 1.0 of each signal means."""
+    """Full scale (1.0) of each signal."""
 
-    position: float  # metres from the middle of the range to its end, > 0
-    output: float  # newtons, > 0
-    load: float = 1.0  # in the unit of the load that is fed forward, > 0
+    position: float  # half of the position range, m, > 0
+    output: float  # force, N, > 0
+    load: float = 1.0  # feedforward load, in its own unit, > 0
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -38,11 +43,11 @@ class FixedPidd2:
 
     # mantissa and shift of every factor, in the order of the structure
     factors: Mapping[str, tuple[int, int]]
-    unweighted: int  # as in the structure
+    unweighted: int  # weight and limits, as in the structure
     low: int
     high: int
     scales: FullScales
-    rate: float  # ticks a second
+    rate: float  # sample rate, Hz
 
     @property
     def words(self) -> NDArray[np.int32]:
@@ -52,7 +57,7 @@ class FixedPidd2:
 
     @property
     def per_tick(self) -> FloatArray:
-        """The exact gains of the words, as :attr:`Pidd2.per_tick`."""
+        """Exact gains of the words, as :attr:`Pidd2.per_tick`."""
         value = {name: m / 65536.0 * 2.0**s for name, (m, s) in self.factors.items()}
         units = _factor_units(self.scales)
         row = [value[name] / units[name] for name in _FACTOR_ORDER]
@@ -63,21 +68,21 @@ class FixedPidd2:
 
 @dataclass(frozen=True)
 class Pidd2:
-    """A controller in SI units."""
+    """PIDD2 position controller in SI units."""
 
-    rate: float  # ticks a second, Hz
+    rate: float  # sample rate, Hz
     K_p: float  # n/m
-    K_i: float = 0.0  # n/(m s); of the sign of K_p
+    K_i: float = 0.0  # N/(m s); with the sign of K_p
     K_d: float = 0.0  # N s/m
     K_dd: float = 0.0  # N s^2/m
-    K_load: float = 0.0  # output for each unit of the load that is fed forward
-    # of the filters of the first and of the second derivative, Hz; infinite: no filter
+    K_load: float = 0.0  # output per unit of the feedforward load
+    # cutoff of the low-pass of the first and of the second derivative, Hz; infinite: no filter
     cutoff: float = math.inf
     cutoff_2: float = math.inf
-    weight: float = 1.0  # of the set point in the proportional part, 0..1
+    weight: float = 1.0  # weight of the setpoint in the proportional part, 0..1
     low: float = -math.inf  # limits of the output, N
     high: float = math.inf
-    # time in which the integral follows an output that was limited, s; K_p/K_i if not given
+    # time constant with which the integral follows a limited output, s; None: K_p/K_i
     tracking: float | None = None
 
     def __post_init__(self) -> None:
@@ -94,7 +99,7 @@ class Pidd2:
         if not 0.0 <= self.weight <= 1.0:
             raise wrong_key("weight", f"{self.weight} is not within 0..1", code="out-of-range")
         if self.K_p * self.K_i < 0.0:
-            text = "must have the sign of K_p, or the loop drives itself away"
+            text = "must have the sign of K_p, otherwise the loop is unstable"
             raise wrong_key("K_i", text, code="gain-signs-differ")
         if not self.low <= self.high:
             raise wrong_key(
@@ -107,12 +112,12 @@ class Pidd2:
 
     @property
     def tick(self) -> float:
-        """Seconds from one tick to the next."""
+        """Control period, s."""
         return 1.0 / self.rate
 
     @property
     def tracking_share(self) -> float:
-        """Share of a limited output that the integral takes back in one tick, 0..1."""
+        """Fraction of the excess of a limited output that the integral removes in one tick, 0..1."""
         if self.tracking is not None:
             return min(1.0, self.tick / self.tracking)
         if self.K_i == 0.0:
@@ -121,7 +126,7 @@ class Pidd2:
 
     @property
     def per_tick(self) -> FloatArray:
-        """The members of ``anhyst_pidd2_gains_f64`` in their order, shape (11,)."""
+        """Members of ``anhyst_pidd2_gains_f64`` in their order, shape (11,)."""
         tick = self.tick
         gains = [self.K_p, self.K_i * tick, self.K_d / tick, self.K_dd / (tick * tick), self.K_load]
         shares = [
@@ -133,7 +138,7 @@ class Pidd2:
         return np.array([*gains, *shares, self.low, self.high])
 
     def fixed(self, scales: FullScales) -> FixedPidd2:
-        """Turn the gains into words for these full scales."""
+        """Convert the gains to fixed-point words for given full scales."""
         row = self.per_tick
         units = _factor_units(scales)
         factors = {
@@ -153,12 +158,12 @@ class Pidd2:
 
 
 def _filter_share(cutoff: float, tick: float) -> float:
-    """Share of a step that a first-order low-pass passes in one tick."""
+    """Return the fraction of a step that a first-order low-pass passes in one tick."""
     return first_order_share(2.0 * math.pi * cutoff * tick)
 
 
 def _factor_units(scales: FullScales) -> dict[str, float]:
-    """Return what each gain per tick is multiplied by to become a factor; see pidd2.h."""
+    """Return the factors that convert gains per tick to fixed-point factors; see pidd2.h."""
     position_per_output = scales.position / scales.output
     return {
         "proportional": position_per_output / 4.0,
@@ -171,7 +176,7 @@ def _factor_units(scales: FullScales) -> dict[str, float]:
 
 
 def _limit_code(name: str, value: float, scales: FullScales) -> int:
-    """Return a limit of the output as a q31."""
+    """Return a limit of the output as a q31 code."""
     share = value / scales.output
     if math.isfinite(value) and abs(share) > 1.0:
         text = f"{value} N is beyond the full scale of {scales.output} N"
@@ -205,8 +210,7 @@ def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 
     if not (math.isfinite(virtual_mass) and mass + virtual_mass > 0.0):
         raise wrong_key(
             "virtual_mass",
-            f"{virtual_mass} kg leaves nothing of a mass of {mass} kg; "
-            "give a number above minus the mass",
+            f"{virtual_mass} kg cancels the mass of {mass} kg; give a value above minus the mass",
             code="virtual-mass-too-negative",
         )
     w = 2.0 * math.pi * bandwidth
@@ -220,10 +224,10 @@ def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 
 
 
 def notch(frequency: float, damping: float, new_damping: float, dt: float) -> FloatArray:
-    """Return what takes a resonance (Hz, damping ratio) out and puts one of another damping in.
+    """Return a filter that replaces a resonance (Hz, damping ratio) by one with another damping.
 
-    These are b0, b1, b2, a1 and a2 of ``(b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)``, the members of
-    ``anhyst_biquad_f64``.
+    The result is b0, b1, b2, a1 and a2 of ``(b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)``, the members
+    of ``anhyst_biquad_f64``.
     """
     w = math.tan(math.pi * frequency * dt)
     middle, pole_term, put_in = 2.0 * (w * w - 1.0), 2.0 * damping * w, 2.0 * new_damping * w
@@ -232,5 +236,5 @@ def notch(frequency: float, damping: float, new_damping: float, dt: float) -> Fl
 
 
 def integrator(gain: float) -> FloatArray:
-    """Return the sum of all inputs times a gain, as :func:`notch`."""
+    """Return a filter that sums all inputs and multiplies by a gain, as :func:`notch`."""
     return np.array([gain, 0.0, 0.0, -1.0, 0.0])

@@ -1,8 +1,10 @@
-"""The controller of a levitating armature: settings in SI units, and what the core makes of them.
+"""Define the position controller of a levitated armature, and its numbers for the C core.
 
-``core/include/anhyst/control/position.h`` runs it in fixed point, ``position_real.h`` in floating point,
-``levitation.h`` says what happens when. The numbers of a format are given by name; the core's
-``Position``, ``PositionF32`` and ``FixedPosition`` take them with the gains and the compensators.
+The settings are in SI units. ``core/include/anhyst/control/position.h`` runs the controller in
+fixed point, and ``position_real.h`` in floating point; ``levitation.h`` describes the sequence of
+lift-off and landing. `PositionControl` returns the settings of a number format by name. The classes
+``Position``, ``PositionF32`` and ``FixedPosition`` of the core take them with the gains and the
+compensators.
 """
 
 from __future__ import annotations
@@ -24,25 +26,26 @@ from anhyst.support.numeric import FloatArray, to_factor, to_q31
 Settings = Mapping[str, float]
 
 _Q31 = 2.0**31
-# Positions reach beyond the range that can be, so that what is beyond it is seen to be.
+# The full scale exceeds the range of possible positions, so that implausible positions are
+# detected.
 _POSITION_RANGE_SHARE = 0.625
-_MIN_STEP_CODES = 500  # codes of one step of the converter: its rounding stays below 0.1 %
+_MIN_STEP_CODES = 500  # codes per step of the converter; its rounding error is then below 0.1 %
 
 
 @dataclass(frozen=True)
 class PositionLimits:
     """Limits of a position controller that do not depend on its gains."""
 
-    gap_low: float  # gaps that can be, m
+    gap_low: float  # range of possible gaps, m
     gap_high: float
-    step: float  # largest change of the gap from one tick to the next, m
-    current_low: float  # of the amplifiers' references, A; zero lies within
+    step: float  # largest change of the gap per tick, m
+    current_low: float  # range of the amplifiers' references, A; it must include zero
     current_high: float
-    release: float  # at which a current goes to zero when nothing is controlled, A/s
-    # samples in a row that may be missing or implausible; the last one stands in for them
+    release: float  # rate at which a current decreases to zero when no controller is active, A/s
+    # number of consecutive missing or implausible samples that are replaced by the last one
     max_missing_samples: int
-    hold: int  # ticks for which the currents stay when the position is lost in the air
-    selftest: int = 20  # plausible samples in a row until the self-test has passed
+    hold: int  # ticks of constant current if the position is lost during levitation
+    selftest: int = 20  # consecutive plausible samples that pass the self-test
 
     def __post_init__(self) -> None:
         _check_above_zero(self, "step", "release", "selftest")
@@ -61,12 +64,12 @@ class PositionLimits:
 
 @dataclass(frozen=True)
 class Levitation:
-    """How an armature is lifted and set down."""
+    """Speeds and force rates of lift-off and landing."""
 
-    detect: float  # distance from the rest that counts as having left it, m
-    rise_speed: float  # of the reference, m/s
+    detect: float  # distance from the rest position that counts as lift-off, m
+    rise_speed: float  # speed of the reference, m/s
     descend_speed: float
-    lift_rate: float  # of the force before and after control, N/s
+    lift_rate: float  # rate of the force before lift-off and after landing, N/s
     set_down_rate: float
 
     def __post_init__(self) -> None:
@@ -75,11 +78,11 @@ class Levitation:
 
 @dataclass(frozen=True)
 class ReferenceConverter:
-    """Converter of the references to the amplifiers."""
+    """Digital-to-analogue converter of the current references to the amplifiers."""
 
-    low: float  # its ends, A
+    low: float  # range, A
     high: float
-    bits: int  # of a word
+    bits: int  # bits per word
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
@@ -92,34 +95,34 @@ class ReferenceConverter:
 
     @property
     def step(self) -> float:
-        """From one current to the next, A."""
+        """Difference between two adjacent currents, A."""
         return (self.high - self.low) / float(2**self.bits - 1)
 
     def steps_within(self, low: float, high: float) -> tuple[float, int]:
-        """Return where the steps within a range begin, and how many follow."""
+        """Return the first current within a range, A, and the number of converter steps from it."""
         first = math.ceil((max(low, self.low) - self.low) / self.step - 1e-6)
         last = math.floor((min(high, self.high) - self.low) / self.step + 1e-6)
         if last <= first:
-            text = "the limits hold no step of the converter; widen them"
+            text = "the limits contain no step of the converter; widen them"
             raise wrong_key("current_high", text, code="range-too-narrow")
         return self.low + first * self.step, last - first
 
 
 @dataclass(frozen=True)
 class PositionControl:
-    """A controller of the position, in SI units."""
+    """Position controller in SI units."""
 
-    pidd2: Pidd2  # Gains; its output is the net force. Its rate is that of the ticks.
+    pidd2: Pidd2  # gains and sample rate; its output is the net force
     levitation: Levitation
     limits: PositionLimits
     converter: ReferenceConverter
-    scales: Scales  # of the compensators; both of a pair have the same
-    bias: float = 0.0  # force of either magnet of a pair without a net force, N
-    gap_total: float | None = None  # sum of both gaps of a pair, m; a single magnet has none
-    # whether currents count as applied as they were measured, and not as they were driven
+    scales: Scales  # full scales of the compensators; both of a pair have the same
+    bias: float = 0.0  # force of each magnet of a pair without a net force, N
+    gap_total: float | None = None  # sum of both gaps of a pair, m; None: a single magnet
+    # whether measured currents are committed instead of the driven ones
     uses_measured_currents: bool = False
-    flux_full_scale: float = 1.0  # flux density that counts as 1.0 in fixed point, T
-    load_full_scale: float = 1.0  # load fed forward that counts as 1.0, in its unit
+    flux_full_scale: float = 1.0  # flux density that is 1.0 in fixed point, T
+    load_full_scale: float = 1.0  # feedforward load that is 1.0, in its unit
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.bias <= self.scales.demand:
@@ -131,9 +134,10 @@ class PositionControl:
 
     @property
     def final_landing_force(self) -> float:
-        """Net force at which a landing ends, N: the other magnet of a pair holds the armature then.
+        """Net force at which a landing ends, N; the other magnet of a pair then holds the armature.
 
-        Nothing else would, for both currents go to zero at one rate and the first is the larger.
+        Otherwise nothing would hold it, because both currents decrease at the same rate and the
+        first is larger.
         """
         return min(0.0, max(self.pidd2.low, -2.0 * self.bias))
 
@@ -144,18 +148,18 @@ class PositionControl:
 
     @property
     def position_full(self) -> float:
-        """Full scale of the position, m: beyond the gaps that can be, to either side."""
+        """Full scale of the position, m; it exceeds the range of possible gaps on both sides."""
         return _POSITION_RANGE_SHARE * (self.limits.gap_high - self.limits.gap_low)
 
     def gains(self, number_format: NumberFormat) -> FloatArray | NDArray[np.int32]:
-        """Return the gains as the core takes them."""
+        """Return the gains in the order of the core."""
         if number_format != "fixed":
             return self.pidd2.per_tick
         scales = FullScales(self.position_full, self.scales.demand, self.load_full_scale)
         return self.pidd2.fixed(scales).words
 
     def settings(self, number_format: NumberFormat) -> Settings:
-        """Return everything else as the core takes it."""
+        """Return all other settings of the core by name."""
         common = self._levitation_settings() | {
             "measured": self.uses_measured_currents,
             "gap_middle": self.gap_middle,
@@ -167,7 +171,7 @@ class PositionControl:
         )
 
     def _levitation_settings(self) -> dict[str, int]:
-        """Return what is integer in every format: positions and demands as q31."""
+        """Return the integer settings of every format: positions and demands as q31."""
         tick, limits, levitation = self.pidd2.tick, self.limits, self.levitation
 
         middle_gap, position_full, force_full = (
@@ -196,7 +200,7 @@ class PositionControl:
         }
 
     def _gap_lines(self) -> list[tuple[float, float]]:
-        """Return gap at position zero, m, and direction of the position, of every magnet."""
+        """Return the gap at position zero, m, and the sign of the position, for each magnet."""
         lines = [(self.gap_middle, -1.0)]
         if self.gap_total is not None:
             lines.append((self.gap_total - self.gap_middle, 1.0))
@@ -221,10 +225,10 @@ class PositionControl:
         low, steps = self.converter.steps_within(self.limits.current_low, self.limits.current_high)
         step_codes = round(step / scales.current * _Q31)
         if step_codes < _MIN_STEP_CODES:
-            text = "the converter is too fine for a full scale of 31 bits"
+            text = "the steps of the converter are too small for a full scale of 31 bits"
             raise wrong_key("bits", text, code="converter-too-fine")
-        # A step of the converter is a whole number of codes: the full scale gives way, by less than
-        # 0.1 % and with 16 bits by 2e-5.
+        # A step of the converter must be an integer number of codes. Therefore the full scale is
+        # changed by less than 0.1 %, and by 2e-5 with 16 bits.
         current = step / step_codes * _Q31
         first = round(low / current * _Q31)
         release = self.limits.release * self.pidd2.tick
@@ -243,7 +247,7 @@ class PositionControl:
             factor = 0.5 * direction * self.position_full / scales.gap_span
             mantissa, shift = to_factor("range of the compensator's gaps", factor)
             if shift > 0:
-                text = "the compensator covers too little of the gaps that can be; narrow them"
+                text = "the compensator covers too small a part of the possible gaps; narrow them"
                 raise wrong_key("gap_high", text, code="range-too-narrow")
             numbers |= {
                 f"gap_offset_{i}": to_q31(scales.gap_fraction(offset)),
@@ -261,15 +265,15 @@ def _check_above_zero(table: object, *names: str) -> None:
 
 
 def _nonzero_code(name: str, part: float) -> int:
-    """Return the nearest q31 of a number that may not vanish."""
+    """Return the nearest q31 code of a number that must not become zero."""
     code = to_q31(part)
     if code < 1:
-        raise wrong_key(name, "too small to be told from zero; raise it", code="rate-too-small")
+        raise wrong_key(name, "too small to differ from zero; raise it", code="rate-too-small")
     return code
 
 
 class Allocation(IntEnum):
-    """See ``core/include/anhyst/control/allocation.h``."""
+    """Methods of ``core/include/anhyst/control/allocation.h`` to distribute a force to two magnets."""
 
     SINGLE = 1
     BY_HALVES = 2  # class A

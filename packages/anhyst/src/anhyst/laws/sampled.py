@@ -1,8 +1,8 @@
-"""Iron for a law written in Python: the law gives one step, and this the whole records around it.
+"""Simulate whole records for a hysteresis law written in Python that computes single steps.
 
-What surrounds the iron is one equation, ``drive = H + (rho + e)*B/mu0 - e*B_before/mu0`` with
-``B = mu0*(H + M)`` and ``e = mu0*gamma/dt``. As the magnetisation never falls while the field
-rises, the root lies no farther from the start than the equation is off there.
+The circuit around the iron gives ``drive = H + (rho + e)*B/mu0 - e*B_before/mu0`` with ``B = mu0*(H
++ M)`` and ``e = mu0*gamma/dt``. The magnetisation never falls as the field rises, so the distance
+of the root from the start is at most the mismatch of the equation there.
 """
 
 from __future__ import annotations
@@ -15,18 +15,19 @@ from scipy.optimize import brentq
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
-_OK, _NOT_SETTLED = 0, -6
+_OK = 0
+_NOT_SETTLED = -6
 _ROUNDING = 1e-12
 
 State = tuple[float, ...]
 
 
 class SampledIron(ABC):
-    """A law that answers sample by sample; an `anhyst.laws.law.IronOperator`."""
+    """Base class of laws that compute single samples; an `anhyst.laws.law.IronOperator`."""
 
     @abstractmethod
     def step(self, state: State, field: float) -> tuple[float, State]:
-        """Return magnetisation (A/m) and state after the field (A/m) moved straight to a value.
+        """Return magnetisation (A/m) and state after a straight change to a field (A/m).
 
         The magnetisation must not fall as the field rises.
         """
@@ -38,13 +39,13 @@ class SampledIron(ABC):
     def forward(
         self, drive: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
-        """Follow a drive; see `anhyst.laws.law.IronOperator`."""
+        """Simulate a drive; see `anhyst.laws.law.IronOperator`."""
         return *self._follow(drive, rho, eddy, state, inverse=False), _OK, drive.size
 
     def inverse(
         self, flux_density: FloatArray, rho: FloatArray, eddy: FloatArray, state: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, int, int]:
-        """Follow a flux density; see `anhyst.laws.law.IronOperator`."""
+        """Simulate a flux density; see `anhyst.laws.law.IronOperator`."""
         found = self._follow(flux_density, rho, eddy, state, inverse=True)
         return *found, _OK, flux_density.size
 
@@ -58,7 +59,7 @@ class SampledIron(ABC):
         max_cycles: int = 10000,
         tol: float = 1e-12,
     ) -> tuple[FloatArray, int, int]:
-        """Repeat a cycle till its state returns, to a part of its size."""
+        """Repeat a cycle until its state returns within a relative tolerance."""
         for cycle in range(1, max_cycles + 1):
             before = state
             *_, state = self._follow(inputs, rho, eddy, state, inverse=inverse)
@@ -92,11 +93,11 @@ class SampledIron(ABC):
         return outputs, fields, np.array(now)
 
     def _flux(self, state: State, field: float) -> float:
-        """Return ``B/mu0`` at a field, from a state."""
+        """Return ``B/mu0`` at a field, from a state, A/m."""
         return field + self.step(state, field)[0]
 
     def _root(self, state: State, of_field: float, of_flux: float, total: float) -> float:
-        """Return the field that with its ``B/mu0`` adds up to what is wanted; the sum rises at least as it."""
+        """Solve ``of_field*H + of_flux*B/mu0 = total`` for the field H, A/m."""
 
         def missing(field: float) -> float:
             return of_field * field + of_flux * self._flux(state, field) - total

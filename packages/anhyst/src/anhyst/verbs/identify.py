@@ -1,4 +1,4 @@
-"""The verb ``identify``: measured loops to a model."""
+"""The command ``identify``: find a model from measured loops."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ PLACE = 13, "From measurements to a model"
 PROGRESS = "searching"
 
 GapMap = Literal["scaling", "reluctance", "circuit", "free", "auto"]
-"""Gap maps, and letting the cross-validation error choose."""
+"""Gap maps, or ``auto``: the map with the smallest error at withheld gaps."""
 Weights = Literal["loops", "points", "relative"]
-"""What counts the same."""
+"""What has equal weight in the cost: loops, samples, or loops relative to their output."""
 Search = Literal["default", "paper"]
-"""Ways to search."""
+"""Methods of the search."""
 
 
 def identify(
@@ -142,31 +142,31 @@ def identify(
 
 
 def _checkpoint_path(out: Path) -> Path | None:
-    """Place of the checkpoint; beside a device there is none."""
+    """Return the path of the checkpoint file; None if the output is not a regular file."""
     if out.exists() and not out.is_file():
         return None
     return out.with_name(f"{out.name}.checkpoint")
 
 
 def stopped(given: Mapping[str, Any]) -> str:
-    """Return what Ctrl-C leaves before there is a model."""
-    return f"too early for a model, nothing written{_continuation_text(given)}"
+    """Return the message after Ctrl-C if there is no model yet."""
+    return f"too early for a model; nothing was written{_continuation_text(given)}"
 
 
 def _continuation_text(given: Mapping[str, Any]) -> str:
-    """Say that a stopped search may continue, if it may."""
+    """Return the hint that the same command continues the search; empty if it does not."""
     checkpoint = _checkpoint_path(given["out"]) if given["search"] == "paper" else None
     can_continue = checkpoint is not None and checkpoint.exists()
-    return "; the same command goes on from there" if can_continue else ""
+    return "; the same command continues from there" if can_continue else ""
 
 
 def refuse(result: IdentifyResult, given: Mapping[str, Any]) -> None:
-    """Raise an error if the search was interrupted or the model must not be used."""
+    """Raise an error if the search was interrupted or if the model must not be used."""
     from anhyst.support.errors import Interrupted, NegativeResult
 
     out = given["out"]
     if result.interrupted:
-        raise Interrupted(f"{out} holds the best model so far{_continuation_text(given)}")
+        raise Interrupted(f"{out} contains the best model until then{_continuation_text(given)}")
     if result.acceptance.passed is False:
         failed = result.acceptance.text(result.model.input.unit)
         reasons = "; ".join(filter(None, (failed, result.rejection)))
@@ -176,7 +176,7 @@ def refuse(result: IdentifyResult, given: Mapping[str, Any]) -> None:
 
 
 def as_json(result: IdentifyResult, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the result for JSON."""
+    """Return the result for ``--json``."""
     from dataclasses import asdict
 
     model = result.model
@@ -199,7 +199,7 @@ def as_json(result: IdentifyResult, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return how well the model fits, what was chosen and why."""
+    """Return the terminal output: the deviations, the choices and their reasons."""
     model, fit = result.model, result.model.fit
     yield f"{given['out']}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"
     yield from _show_fit(model)
@@ -213,7 +213,7 @@ def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[OutputPar
         yield f"rate: {rate_text}"
     for step in model.reduction:
         yield (
-            f"reduction: {step.frozen} made common to all nodes, mean deviation "
+            f"reduction: {step.frozen} fixed at all nodes, mean deviation "
             f"{100.0 * step.cost_before:.3g} % -> {100.0 * step.cost_after:.3g} %"
         )
     if model.uncertainty is not None:
@@ -223,7 +223,7 @@ def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[OutputPar
 
 
 def _show_fit(model: Model) -> Iterator[OutputPart]:
-    """Return the deviations from the loops, and the candidates."""
+    """Return the deviations from the measured loops, and the table of candidates."""
     from anhyst.data.output_map import name_full_scale
 
     fit = model.fit
@@ -240,21 +240,21 @@ def _show_fit(model: Model) -> Iterator[OutputPart]:
         yield fit.left_over
     if expected := fit.cross_validation:
         scope = (
-            "between the measured values, choice of the map and all"
+            "between the measured values, including the choice of the map"
             if expected.left_out == "gap"
-            else "at other samples of such loops, not of other sizes"
+            else "at other samples of such loops, but not for other loop sizes"
         )
         low, high = (100.0 * end for end in expected.interval)
-        yield f"expected {scope}: {100.0 * expected.error:.3g} % ({low:.2g} to {high:.2g} %)"
+        yield f"expected error {scope}: {100.0 * expected.error:.3g} % ({low:.2g} to {high:.2g} %)"
     yield from _list_candidates(model)
 
 
 MAX_CANDIDATES = 4
-"""Candidates that are listed without ``--verbose``."""
+"""Number of candidates that are listed without ``--verbose``."""
 
 
 def _list_candidates(model: Model) -> list[str | TerminalTable]:
-    """List the candidates: the chosen one first, then by their error at withheld data."""
+    """Return a table of candidates: the chosen one first, the others by error at withheld data."""
     from anhyst.cli.printing import TerminalTable, printer
     from anhyst.support.wording import count_text
 
@@ -269,7 +269,7 @@ def _list_candidates(model: Model) -> list[str | TerminalTable]:
     shown = ranked if printer.is_verbose else ranked[:MAX_CANDIDATES]
     hidden = len(ranked) - len(shown)
     rows = TerminalTable(
-        "candidates, the chosen one first", ["law", "gap map", "rms %", "left out %", "numbers"]
+        "candidates, the chosen one first", ["law", "gap map", "rms %", "withheld %", "parameters"]
     )
     for one in shown:
         note = f" ({one.note})" if one.note else ""
@@ -281,7 +281,7 @@ def _list_candidates(model: Model) -> list[str | TerminalTable]:
 
 
 def _list_offsets(model: Model) -> list[str]:
-    """Name the offsets that were taken, and how sure they are."""
+    """Return the fitted offsets with their standard deviations."""
     uncertainty = model.uncertainty
     if uncertainty is None:
         return []
@@ -292,4 +292,4 @@ def _list_offsets(model: Model) -> list[str]:
         )
         if "offset" in name
     ]
-    return lines or ["offsets of input and output: none, the loops demand none"]
+    return lines or ["offsets of input and output: none, because the loops do not require any"]

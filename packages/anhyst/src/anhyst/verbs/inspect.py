@@ -1,4 +1,4 @@
-"""The verb ``inspect``: what was measured, and whether hysteresis matters."""
+"""The command ``inspect``: show what was measured, and whether a hysteresis model is worthwhile."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def inspect(
 
 
 def preview(given: Mapping[str, Any]) -> Iterator[TerminalTable]:
-    """Return the channels of a recording."""
+    """Return a table of the channels of a recording."""
     from anhyst.support.atomic import check_picture
 
     if given["plot"] is not None:
@@ -96,14 +96,14 @@ def preview(given: Mapping[str, Any]) -> Iterator[TerminalTable]:
 
 
 def as_json(result: Inspection, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the result for JSON."""
+    """Return the result for ``--json``."""
     channels = _list_channels(given)
     content = {"channels": [asdict(channel) for channel in channels]} if channels else {}
     return result.as_dict() | content
 
 
 def _list_channels(given: Mapping[str, Any]) -> list[ChannelFigures]:
-    """Return the channels of a recording; the columns of a text are in its first line."""
+    """Return the channels of a recording; empty for a text file, whose header names the columns."""
     from anhyst.data.formats import ChannelTable, open_table
     from anhyst.data.table import list_channels
 
@@ -115,7 +115,7 @@ def _list_channels(given: Mapping[str, Any]) -> list[ChannelFigures]:
 
 
 def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[OutputPart]:
-    """Return the verdict, how the loops were read, and the figures of each loop."""
+    """Return the terminal output: verdict, how the loops were read, and figures of each loop."""
     from anhyst.cli.printing import TerminalTable
     from anhyst.support.units import choose_display_unit, schedule_scale
     from anhyst.support.wording import count_text
@@ -135,7 +135,7 @@ def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[OutputPar
     figures = TerminalTable(f"{loops}, {drive.name} to {answer.name}", headers)
     for loop in inspection.loops:
         figures.add_row(*_loop_row(loop, scale if schedule else None, output_factor))
-    # How the columns were read matters more than the histories, which the table shows, too.
+    # The histories come last, because the table shows them, too.
     histories = tuple(note for note in inspection.notes if ": history of loop" in note)
     reading = tuple(note for note in inspection.notes if note not in histories)
     yield "is it worth it?"
@@ -157,7 +157,7 @@ def _loop_row(loop: LoopFigures, scale: float | None, output_factor: float) -> l
         history = f"{history[: MAX_CELL - 1]}…"
     if scale is not None:
         cells.append("moves" if loop.schedule is None else f"{scale * loop.schedule:.6g}")
-    delay = "unknown"  # in seconds, in samples without time
+    delay = "unknown"  # s, or samples without a time column
     if loop.skew is not None:
         delay = f"{loop.skew:.3g} samples" if loop.skew_s is None else f"{loop.skew_s:.3g} s"
     return [

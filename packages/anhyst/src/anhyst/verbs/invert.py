@@ -1,4 +1,4 @@
-"""The verb ``invert``: demanded output to drive."""
+"""The command ``invert``: compute the drive for a demanded output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verb ``predict``: drive to output."""
+"""The command ``predict``: compute the output for a given drive."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def predict(
 
 
 def show(result: RunSummary, _: Mapping[str, Any]) -> Iterator[str]:
-    """Return what was computed, and how far it is from a measured column."""
+    """Return the terminal output: the computed column, and its deviation from a measured column."""
     from anhyst.support.wording import count_text
 
     runs = "1 run" if result.runs == 1 else f"{result.runs} runs, each"

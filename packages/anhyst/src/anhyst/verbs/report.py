@@ -1,4 +1,4 @@
-"""The verb ``report``: a model as a web page."""
+"""The command ``report``: write the report of a model as a web page."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ def report(model: Model | PathLike, out: PathLike = "report.html") -> tuple[str,
 
 
 def warnings(result: tuple[str, ...]) -> tuple[str, ...]:
-    """Return what a user should know."""
+    """Return the warnings of the report."""
     return result
 
 
 def as_json(result: tuple[str, ...], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the result for JSON."""
+    """Return the result for ``--json``."""
     return {"out": str(given["out"]), "warnings": list(result)}

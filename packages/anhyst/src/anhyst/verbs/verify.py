@@ -1,4 +1,4 @@
-"""The verb ``verify``: compiled C gives the same bits on every target."""
+"""The command ``verify``: check that compiled C gives the same bits on every target."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def verify(
 
 
 def show(result: Verification, _: Mapping[str, Any]) -> list[TerminalTable]:
-    """Return where bits are the same, and what a step costs."""
+    """Return the terminal output: a table of the results on each target, and one of the cost."""
     from anhyst.cli.printing import TerminalTable
 
     return [
@@ -80,14 +80,16 @@ def show(result: Verification, _: Mapping[str, Any]) -> list[TerminalTable]:
 
 
 def refuse(result: Verification, given: Mapping[str, Any]) -> None:
-    """Raise an error if a bit differs, or if a target that was asked for did not run."""
+    """Raise an error if a bit differs, or if a requested target did not run."""
     from anhyst.support.errors import wrong_key
 
     require_equal_bits(result, given["folder"])
     if given["on"] is not None and result.not_run:
         missing_tools = [gap.text() for gap in result.missing if gap.target in result.not_run]
         raise wrong_key(
-            "--on", f"not run for want of tools: {'; '.join(missing_tools)}", code="tool-missing"
+            "--on",
+            f"not run, because tools are missing: {'; '.join(missing_tools)}",
+            code="tool-missing",
         )
 
 

@@ -1,4 +1,4 @@
-"""The folder that ``anhyst compile`` wrote, read back and checked, its golden vectors too."""
+"""Read a compiled folder and its golden vectors, and check that no file was changed."""
 
 from __future__ import annotations
 
@@ -28,64 +28,66 @@ MANIFEST_VERSION = 2
 MANIFEST_FILE = "manifest.json"
 VECTORS_FILE = "vectors.csv"
 LEVITATION_FILE = "controller.csv"
-"""What a folder with a position controller holds beside the compensator's vectors."""
+"""Golden vectors of a position controller, in addition to those of the compensator."""
 PORT_HEADER = "port/anhyst_port_cortex_m4.h"
 EXAMPLE_FILES = ("main.c", "example/interrupt.c")
 IO_BITS = {"q15": "15", "q31": "31", "f32": "32"}
 PLAY_KIND = "play"
-"""Kind of a map with one play, which is no compensator with a kernel."""
+"""Kind of a map with one play operator; it has no kernel."""
 
 MAX_STAGE_COUNT = 64
-"""Coordinates, heads or magnets that are believed of a stage."""
+"""Largest plausible number of coordinates, heads or magnets of a stage."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bundle:
-    """A compensator as C, with what its manifest says."""
+    """Compiled compensator, with the content of its manifest."""
 
-    folder: Path  # where it stands
-    name: str  # what the actuator is called in the C
-    kind: str  # ``full``, ``simplified``, ``cells``, ``euler`` or ``play``; ``q15`` or ``q31``
+    folder: Path  # the compiled folder
+    name: str  # name of the actuator in the C
+    kind: str  # ``full``, ``simplified``, ``cells``, ``euler``, ``play``; and ``q15``, ``q31``, ``f32``
     io: str
-    rate: float | None  # ticks a second it was made for, Hz
-    manifest: Mapping[str, Any]  # all of ``manifest.json``
+    rate: float | None  # sample rate of the compilation, Hz
+    manifest: Mapping[str, Any]  # content of ``manifest.json``
 
     @property
     def c_files(self) -> tuple[str, ...]:
-        """All that a project compiles or includes, by path below the folder."""
+        """Paths of all C files and headers of the folder, without the examples."""
         names = (str(name) for name in self.manifest["files"])
         return tuple(
             name for name in names if name[-2:] in {".c", ".h"} and name not in EXAMPLE_FILES
         )
 
     def copy_sources(self, folder: Path) -> None:
-        """Copy the C and the port header to a folder, to be compiled there."""
+        """Copy the C and the port header to a folder."""
         for name in self.c_files:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(self.folder / name, folder / name)
 
     @property
     def stage(self) -> Mapping[str, Any] | None:
-        """What the manifest says of a stage; None of a compensator."""
+        """Entry of the manifest about a stage; None for a compensator."""
         described = self.manifest.get("stage")
         return described if isinstance(described, dict) else None
 
     @property
     def has_port(self) -> bool:
-        """Whether the instructions of Cortex-M4 and M7 come with it."""
+        """Whether the folder contains the header with the instructions of Cortex-M4 and M7."""
         return (self.folder / PORT_HEADER).exists()
 
 
 def read_bundle(folder: Path) -> Bundle:
-    """Read the manifest and check that every file is as it was written."""
+    """Read the manifest, and check that every file is unchanged."""
     manifest_path = folder / MANIFEST_FILE
     if not folder.is_dir():
-        text = f"{folder}: no such folder; name the one 'anhyst compile --out' made"
+        text = f"{folder}: no such folder; name the folder that 'anhyst compile --out' wrote"
         raise InputError(text, code="no-such-folder")
     try:
         manifest = json.loads(manifest_path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        text = f"{folder}: has no {MANIFEST_FILE}; name the folder 'anhyst compile --out' made"
+        text = (
+            f"{folder}: has no {MANIFEST_FILE}; name the folder that 'anhyst compile --out' wrote"
+        )
         raise InputError(text, code="no-manifest") from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise _damaged_error(
@@ -121,7 +123,7 @@ def _read_text(path: Path, manifest: Mapping[str, Any], key: str) -> str:
 
 
 def _check_stage(path: Path, stage: object) -> None:
-    """Check the numbers from which the form of a stage's records follows."""
+    """Check the numbers that determine the record layout of a stage."""
     if stage is None:
         return
     entry = stage if isinstance(stage, dict) else {}
@@ -129,9 +131,7 @@ def _check_stage(path: Path, stage: object) -> None:
     coordinates = len(free) if isinstance(free, list) else 0
     counts = [coordinates, entry.get("heads"), entry.get("magnets")]
     if not all(isinstance(count, int) and 0 < count <= MAX_STAGE_COUNT for count in counts):
-        text = (
-            f"{path}: key 'stage' does not say what is free, how many heads and magnets there are"
-        )
+        text = f"{path}: key 'stage' does not list the free coordinates, heads and magnets"
         raise _damaged_error(text, code="damaged-manifest", key="stage")
 
 
@@ -168,20 +168,20 @@ INPUT_COLUMNS = LEVITATION_COLUMNS[:LEVITATION_INPUT_COUNT]
 OUTPUT_NAMES = {
     name: name.replace("drive_", "current ") for name in LEVITATION_COLUMNS[LEVITATION_INPUT_COUNT:]
 }
-"""Columns of a controller's vectors, and what they are called in a record."""
+"""Output columns of a controller's vectors, and their names in a record."""
 
 
 @dataclass(frozen=True, slots=True)
 class GoldenVectors:
-    """Inputs and expected outputs, one row a step, from the start on."""
+    """Inputs and expected outputs, one row per step, from the start on."""
 
-    inputs: Words  # in the order of the form; shape (rows, n)
-    outputs: Mapping[str, Words]  # by the names of a record; shape (rows,)
-    layout: RecordLayout = COMPENSATOR_RECORD  # of the records
+    inputs: Words  # in the order of the layout; shape (rows, n)
+    outputs: Mapping[str, Words]  # by name in the record; shape (rows,)
+    layout: RecordLayout = COMPENSATOR_RECORD  # layout of the records
 
 
 def read_vectors(path: Path, is_float: bool) -> GoldenVectors:
-    """Read ``vectors.csv``; where there is no ``applied``, the solved current was applied."""
+    """Read ``vectors.csv``; without a column ``applied``, the solved current is applied."""
     columns = _read_columns(path, NEEDED_COLUMNS, is_float)
     demand, gap, current = (columns[name] for name in NEEDED_COLUMNS)
     how, applied = np.full_like(demand, AS_GIVEN), columns.get("applied", current)
@@ -190,7 +190,7 @@ def read_vectors(path: Path, is_float: bool) -> GoldenVectors:
 
 
 def read_levitation(path: Path) -> GoldenVectors:
-    """Read ``controller.csv``: what a position controller is given and has to answer."""
+    """Read ``controller.csv``: inputs and expected outputs of a position controller."""
     columns = _read_columns(path, (*INPUT_COLUMNS, *OUTPUT_NAMES), is_float=False)
     event = columns["dropped"] << np.uint32(16) | columns["command"]
     inputs = np.stack([*(columns[name] for name in INPUT_COLUMNS[:-2]), event], axis=1)
@@ -199,7 +199,7 @@ def read_levitation(path: Path) -> GoldenVectors:
 
 
 def read_stage_vectors(path: Path, layout: RecordLayout, is_float: bool) -> GoldenVectors:
-    """Read the vectors of a stage: what its controller was given in flight and has to answer."""
+    """Read the vectors of a stage: inputs of its controller in flight, and expected outputs."""
     outputs = layout.record[len(layout.inputs) :]
     columns = _read_columns(path, [record_column_name(name) for name in layout.record], is_float)
     for name in ("command", "flags", "lost", "state") if is_float else ():
@@ -211,7 +211,7 @@ def read_stage_vectors(path: Path, layout: RecordLayout, is_float: bool) -> Gold
 
 
 def record_column_name(name: str) -> str:
-    """Return the column in a file of vectors of a word of a record."""
+    """Return the column of a vectors file for a word of a record."""
     return name.replace(" ", "_")
 
 

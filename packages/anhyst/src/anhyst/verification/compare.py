@@ -1,4 +1,9 @@
-"""One program of a bundle against another, bit for bit: put together, compiled, and where they part."""
+"""Build the test program for a target, run it, and find the first difference from the host.
+
+The program runs a start, the golden vectors and random steps. It hashes all inputs and answers. If
+two hashes differ, both programs run again with more checkpoints, until a window of records contains
+the first difference.
+"""
 
 from __future__ import annotations
 
@@ -29,23 +34,24 @@ from anhyst.verification.protocol import (
 
 HARNESS_FOLDER = Path(__file__).resolve().parent / "harness"
 PORT_WITHOUT_RUNTIME = "msp430"
-"""The port for which the compiler brings no run-time routines."""
+"""Port whose compiler has no run-time routines."""
 
 FREESTANDING_HEADERS = "freestanding"
-"""Folder of headers that a library would bring."""
+"""Folder of the headers that a C library would provide."""
 
 Subject = Literal["compensator", "controller", "stage"]
 
 SEPARATE_SECTIONS_FLAGS = ("-ffunction-sections", "-fdata-sections")
 NO_FUSED_PRODUCTS_FLAG = "-ffp-contract=off"
-"""A product and a sum are rounded each: otherwise two targets cannot have the same bits."""
+"""Flag that rounds each product and each sum. Otherwise two targets cannot have the same bits."""
 
 NO_MATH_ERRNO_FLAG = "-fno-math-errno"
-"""Where a processor has one; nobody here looks at ``errno``."""
+"""Flag that makes a square root one instruction, if the processor has one. The code does not use
+``errno``."""
 
 
 class HarnessProgram(Protocol):
-    """A linked harness that answers requests from reset."""
+    """Linked test program that answers requests, starting from reset."""
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
         """Answer one request after the other."""
@@ -55,27 +61,27 @@ class HarnessProgram(Protocol):
 class Variant:
     """One build of the C for one target."""
 
-    target: str  # target, and what sets this build apart: ``gcc -O2``, ``portable``
+    target: str  # target, and name of the build: ``gcc -O2``, ``portable``
     name: str
-    program: HarnessProgram  # what to run
-    unit: str  # what its clock counts: ``instructions``, ``cycles``, or nothing
-    processor: str  # what it ran on and what made it, for the report
+    program: HarnessProgram  # linked test program
+    unit: str  # unit of its clock: ``instructions``, ``cycles``, or empty
+    processor: str  # processor and compiler, for the report
     compiler: str
-    warnings: int  # the compiler's, of the bundle and the harness
-    image: Image | None = None  # the linked program, where sizes can be read from it
+    warnings: int  # number of compiler warnings in bundle and harness
+    image: Image | None = None  # linked program, if sizes can be read from it
 
 
 @dataclass(frozen=True, slots=True)
 class BuildFolder:
-    """A folder with copies of everything that is compiled."""
+    """Folder with copies of all files that are compiled."""
 
-    bundle: Bundle  # what is verified
-    folder: Path  # scratch folder; the C lies in ``c``, programs beside it
-    subject: Subject = "compensator"  # what of it is run
+    bundle: Bundle  # compiled folder that is verified
+    folder: Path  # temporary folder: C in ``c``, programs next to it
+    subject: Subject = "compensator"  # part of the bundle that is run
 
     @classmethod
     def create(cls, bundle: Bundle, folder: Path, subject: Subject = "compensator") -> BuildFolder:
-        """Copy the C of the bundle and the harness into a scratch folder."""
+        """Copy the C of the bundle and the harness into a temporary folder."""
         sources = folder / "c"
         sources.mkdir(parents=True)
         bundle.copy_sources(sources)
@@ -95,7 +101,7 @@ class BuildFolder:
         return cls(bundle, folder, subject)
 
     def make_build(self, port: str, *flags: str) -> toolchain.Build:
-        """Return what to compile for a port of the harness, such as ``cortex_m``."""
+        """Return the build for a port of the harness, such as ``cortex_m``."""
         target = self.folder / "c"
         ports = [port, "freestanding"] if port == PORT_WITHOUT_RUNTIME else [port]
         sources = [name for name in self.bundle.c_files if name.endswith(".c")]
@@ -118,7 +124,7 @@ class BuildFolder:
 
     @property
     def stage_record(self) -> RecordLayout | None:
-        """Form of the records of a stage."""
+        """Record layout of a stage; None without a stage."""
         stage = self.bundle.stage
         return make_stage_record(stage["free"], stage["heads"], stage["magnets"]) if stage else None
 
@@ -152,34 +158,34 @@ PART_TITLES = {
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Where a target departs from the host."""
+    """First difference between a target and the host."""
 
-    # ``start``, ``vectors`` (golden vectors), ``random`` (steps of the generator), ``firmware``
-    # (ticks of a whole firmware) or ``status`` (its answers)
+    # ``start``, ``vectors`` (golden vectors), ``random`` (random steps), ``firmware`` (ticks of a
+    # whole firmware) or ``status`` (its answers)
     part: str
-    step: int  # of that part, from 0
-    quantity: str  # what differs first in that step
-    expected: int  # by the host, or by the golden vectors; and by the target
+    step: int  # index within the part, from 0
+    quantity: str  # first quantity of the step that differs
+    expected: int  # value of the host or of the golden vectors, and value of the target
     found: int
 
     def text(self) -> str:
-        """Report it in one line."""
+        """Return the difference in one line."""
         return f"{PART_TITLES[self.part]} {self.step}: {self.quantity} is {self.found}, not {self.expected}"
 
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """All that a program answered."""
+    """All answers of a program."""
 
-    start: Reply  # after the start, the golden vectors, and the random steps
+    start: Reply  # replies after the start, after the golden vectors, and after the random steps
     golden: Reply
     random: Reply
     vectors: Words  # answers to the golden vectors; shape (rows, words of a record)
-    stack: int  # deepest stack below a call of solve or commit, bytes; 0 where it is not measured
+    stack: int  # largest stack of a call of solve or commit, bytes; 0 if it is not measured
 
 
 def run_program(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) -> Answers:
-    """Run golden vectors, random steps, and steps that measure stack."""
+    """Run the golden vectors, random steps, and the steps that measure the stack."""
     rows, places, words = vectors.inputs, vectors.layout.input_positions, vectors.layout.word_count
     batches = [rows[at : at + WINDOW_RECORDS] for at in range(0, len(rows), WINDOW_RECORDS)]
     start = Request(START, seed=seed, record_words=words)
@@ -210,7 +216,7 @@ def compare_answers(
     steps: int,
     seed: int,
 ) -> Difference | None:
-    """Hold a target against the host and the golden vectors."""
+    """Return the first difference of a target from the host and from the golden vectors, or None."""
     host, target = outcomes
     for name in ("status", "words", "hash"):
         expected, answer = getattr(host.start, name), getattr(target.start, name)
@@ -245,7 +251,7 @@ def _locate_difference(
     steps: int,
     seed: int,
 ) -> Difference:
-    """Narrow down the first difference by checkpoints until a window of records holds it."""
+    """Narrow down the first difference by checkpoints, until one window of records contains it."""
     first, last = 0, steps
     stride = _checkpoint_stride(steps)
     while True:
@@ -253,10 +259,11 @@ def _locate_difference(
         hashes = (reply.checkpoints[: len(marks)] for reply in replies)
         wrong = np.flatnonzero(np.not_equal(*hashes))
         mismatch = int(wrong[0]) if len(wrong) else len(marks)
-        # The hash kept before a step speaks of the steps before it.
+        # The hash that is stored before a step covers all earlier steps.
         first, last = marks[mismatch - 1], marks[mismatch] if mismatch < len(marks) else last
         stride = _checkpoint_stride(last - first)
-        # Run both up to the last step, with a hash kept from the first one on at every stride.
+        # Run both programs up to the last step, and store hashes from the first step on at every
+        # stride.
         random = Request(
             RANDOM,
             last,

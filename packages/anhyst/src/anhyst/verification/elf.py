@@ -1,9 +1,9 @@
-"""What is in a linked program: memory image, symbols, sizes, worst-case stack, price of a step.
+"""Read a linked program: memory image, symbols, sizes, worst-case stack, instruction prices.
 
 The 16-bit Freescale 56F8322 of the paper (core 56800E, 60 MHz) has no open emulator and no open
-compiler. Its cycles are estimated from the machine code of the Cortex-M0+, whose every instruction
-is put into a class with a price. The prices are assumptions, stated in :data:`PRICES`; the counts
-are measured.
+compiler. Its cycles are estimated from the machine code of the Cortex-M0+: each instruction belongs
+to a class with a price. The instruction counts are measured. The prices are assumptions, listed in
+:data:`PRICES`.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from numpy.typing import NDArray
 from anhyst.compilation.toolchain import PIDD2_SOURCES
 
 FLASH_ADDRESS = 0x08000000
-"""Where the code of a Cortex-M stands, as in ``harness/cortex_m.ld``."""
+"""Start of the code of a Cortex-M, as in ``harness/cortex_m.ld``."""
 
 CONTROL_FILES = {name.rpartition("/")[2] for name in PIDD2_SOURCES}
 
 
 @dataclass(frozen=True, slots=True)
 class Symbol:
-    """A named piece of a program; ``source`` is the C file where the linker knows it."""
+    """Function or object of a program; ``source`` is its C file if the linker knows it."""
 
     name: str
     address: int
@@ -54,9 +54,9 @@ class Image:
         raise KeyError(name)
 
     def thumb_ranges(self) -> list[tuple[int, int]]:
-        """Return begin and end of each stretch of Thumb code, without the constants in between.
+        """Return begin and end of each range of Thumb code, without the constants in between.
 
-        The linker marks them by symbols called ``$t`` and ``$d``.
+        The linker marks them with symbols called ``$t`` and ``$d``.
         """
         marks = sorted(
             (symbol.address & ~1, symbol.name[:2])
@@ -68,7 +68,7 @@ class Image:
         return [(at, end) for (at, name), end in zip(marks, ends, strict=True) if name == "$t"]
 
     def functions(self) -> list[Symbol]:
-        """Return the functions, by address."""
+        """Return the functions, sorted by address."""
         functions = [symbol for symbol in self.symbols if symbol.kind == "STT_FUNC"]
         return sorted(functions, key=lambda symbol: symbol.address)
 
@@ -88,7 +88,7 @@ def read_image(path: Path) -> Image:
 
 
 def _symbols(elf: Any) -> Iterator[Symbol]:
-    """Give the symbols; local ones follow the name of their source file."""
+    """Yield the symbols; local ones follow the name of their source file."""
     source = ""
     for symbol in elf.get_section_by_name(".symtab").iter_symbols():
         kind, section_index = symbol["st_info"]["type"], symbol["st_shndx"]
@@ -105,21 +105,21 @@ def _symbols(elf: Any) -> Iterator[Symbol]:
 
 @dataclass(frozen=True, slots=True)
 class ProgramSizes:
-    """What the compensator takes in a linked program; bytes."""
+    """Memory of the compensator in a linked program, bytes."""
 
-    # Machine code of the core: solve, commit, start-up and check of the block. The compiler's own
-    # routines, such as a long multiplication, are not counted.
+    # machine code of the core: solve, commit, start-up and check of the block; without compiler
+    # routines such as long multiplication
     code: int
     control_code: int  # machine code of the position controller
     tables: int  # constants of the core
-    parameters: int  # the parameter block; in floating point the structure and its tables
-    variables: int  # variables of the core and of the parameters: 0, as all state is the caller's
+    parameters: int  # parameter block; in floating point the structure and its tables
+    variables: int  # static variables; 0, because the caller owns all state
 
 
 def measure_sizes(
     image: Image, actuator: str, sources: Collection[str], constants_in_data: bool
 ) -> ProgramSizes:
-    """Add up what the linker kept of the compensator."""
+    """Add up the sizes of all symbols of the compensator."""
     parameters = f"{actuator}_parameters"
     prefixes = ("anhyst_", parameters, f"{actuator}_controller")
     code = control = tables = block = variables = 0
@@ -149,21 +149,21 @@ _NUMBER = re.compile(r"#(-?(?:0x)?[0-9a-f]+)")
 
 @dataclass(frozen=True, slots=True)
 class _Function:
-    """What one function does to the stack; ``named`` are functions whose address it forms."""
+    """Stack use and calls of a function; ``referenced``: functions whose address it loads."""
 
     frame: int
     callees: frozenset[int]
     referenced: frozenset[int]
-    # calls through a pointer: where in its table that was read, ANYWHERE where that is not seen
+    # calls through a pointer: offset of the pointer in its table, or UNKNOWN_OFFSET
     pointer_offsets: frozenset[int]
 
 
 def worst_case_stack(image: Image, roots: Iterable[str]) -> int | None:
-    """Return the deepest stack of a call of any of these functions; bytes.
+    """Return the largest stack of a call of any of these functions, bytes; None if it is unbounded.
 
-    Frames and calls are read from the code. A call through a pointer is taken to reach any
-    function whose address stands at that place of a constant, or where it is no part of one, but
-    none that is already running: nothing here calls itself through a pointer.
+    Frames and calls are read from the code. A call through a pointer may reach each function whose
+    address is at the same offset of a constant, or is not part of a constant. Functions that are
+    already active are excluded, because no function calls itself through a pointer.
     """
     functions = {symbol.address & ~1: symbol for symbol in image.functions()}
     analysed = {
@@ -196,7 +196,10 @@ def worst_case_stack(image: Image, roots: Iterable[str]) -> int | None:
 def _find_function_pointers(
     image: Image, functions: dict[int, Symbol]
 ) -> defaultdict[int, set[int]]:
-    """Find functions whose address stands in a constant, by its place there, or between functions."""
+    """Return the functions whose address is stored in a constant, by the offset of the address.
+
+    Addresses between functions have the offset UNKNOWN_OFFSET.
+    """
     objects = (symbol for symbol in image.symbols if symbol.kind == "STT_OBJECT")
     places = {item.address + at: at for item in objects for at in range(0, item.size, WORD_BYTES)}
     callees: defaultdict[int, set[int]] = defaultdict(set)
@@ -221,7 +224,7 @@ def _instructions(image: Image, begin: int = 0, end: int = 1 << 32) -> Iterator[
 
 
 def _analyse_function(image: Image, symbol: Symbol, functions: dict[int, Symbol]) -> _Function:
-    """Add up what a function pushes, and list what it calls."""
+    """Add up the pushed bytes of a function, and list its calls."""
     begin = symbol.address & ~1
     frame, callees, referenced, pointer_offsets = 0, set(), set(), set()
     low_halves: dict[str, int] = {}
@@ -240,7 +243,7 @@ def _analyse_function(image: Image, symbol: Symbol, functions: dict[int, Symbol]
             pointer_offsets.add(loaded.get(instruction.op_str, UNKNOWN_OFFSET))
         elif name.startswith("b") and (number := _NUMBER.fullmatch(instruction.op_str)):
             target = int(number[1], 0)
-            # A jump back to the start of a loop is not a call of itself.
+            # A jump to the start of the own function is a loop, not a call.
             if target in functions and (target != begin or name == "bl"):
                 callees.add(target)
     calls = frozenset(callees), frozenset(referenced & functions.keys()), frozenset(pointer_offsets)
@@ -275,29 +278,35 @@ Prefix = NDArray[np.uint32]
 
 
 Prices = Mapping[str, int]
-"""Cycles of each class of instruction: ``simple`` (addition, logic, shift, comparison, move, of 16
-or 32 bits), ``multiply`` (one 16x16 product), ``memory`` (a load or store, a word on the stack
-included), ``branch`` (taken or not), ``call`` (or return)."""
+"""Cycles of each class of instruction.
+
+Classes are ``simple`` (addition, logic, shift, comparison, move, of 16 or 32 bits), ``multiply``
+(one 16x16 product), ``memory`` (a load or store, also each word of a push or pop), ``branch``
+(taken or not) and ``call`` (or return).
+"""
 PRICES: Mapping[str, Prices] = {
     "at best": {"simple": 1, "multiply": 1, "memory": 1, "branch": 1, "call": 1},
     "cautious": {"simple": 1, "multiply": 1, "memory": 2, "branch": 5, "call": 8},
 }
-"""``at best``: everything in one cycle, branches as if they cost nothing extra. ``cautious``: every
-memory access is two of 16 bits, every branch is taken and the pipeline refilled."""
+"""Two assumptions about a 16-bit DSC.
+
+``at best``: every instruction takes one cycle, and branches cost nothing extra. ``cautious``: every
+memory access is two accesses of 16 bits, every branch is taken, and the pipeline is refilled.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Cycles of one part of a step, worst case, and the rate they would allow."""
+    """Worst-case cycles of one part of a step, and the sample rate that they allow."""
 
     part: str  # part of the step
-    prices: str  # which of :data:`PRICES`
-    cycles: int  # most over all steps
-    rate: float  # ticks a second at :data:`CLOCK_HZ` if nothing else ran, Hz
+    prices: str  # name in :data:`PRICES`
+    cycles: int  # maximum over all steps
+    rate: float  # sample rate at :data:`CLOCK_HZ` without any other load, Hz
 
 
 def instruction_prices(prices: Prices, image: Image, code: bytes) -> Prefix:
-    """Price each instruction of a Thumb program: the cycles before each half-word."""
+    """Return the cycles before each half-word of a Thumb program, as prefix sums of prices."""
     cycles = np.zeros(len(code) // 2, dtype=np.uint32)
     for instruction in _instructions(image):
         cycles[(instruction.address - FLASH_ADDRESS) // 2] = _price(prices, instruction)

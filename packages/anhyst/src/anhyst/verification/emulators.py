@@ -1,4 +1,4 @@
-"""Emulated processors: Cortex-M by Unicorn, MSP430 by mspdebug's simulator."""
+"""Run test programs on emulated processors: Cortex-M by Unicorn, MSP430 by mspdebug's simulator."""
 
 from __future__ import annotations
 
@@ -27,15 +27,17 @@ from anhyst.verification.protocol import (
     time_limit_error,
 )
 
-TIME_LIMIT_S, TIME_PER_STEP_S = 60.0, 0.02  # s, of an answer; a step of solid iron takes 1 ms
+TIME_LIMIT_S = 60.0  # for an answer
+TIME_PER_STEP_S = 0.02  # added for each step; a step of solid iron takes 1 ms
 FLASH_BYTES = 256 * 1024
-RAM_ADDRESS, RAM_BYTES = 0x20000000, 64 * 1024
+RAM_ADDRESS = 0x20000000
+RAM_BYTES = 64 * 1024
 
 CostFunction = Callable[[Image, bytes], Prefix]
 
 
 class _Counter(ctypes.Structure):
-    """As in ``harness/counter.c``."""
+    """Structure of ``harness/counter.c``."""
 
     _fields_ = (
         ("code_begin", ctypes.c_uint32),
@@ -49,7 +51,7 @@ class _Counter(ctypes.Structure):
 
 
 def build_counter(harness: Path, folder: Path, target: str) -> Path:
-    """Compile the hook that counts, for this machine."""
+    """Compile the hook that counts instructions, for this machine."""
     build = Build((harness / "counter.c",), flags=("-O2", "-shared", "-fPIC"))
     library = folder / "counter.so"
     compile_c(zig_cc(target), build, library, target)
@@ -57,30 +59,33 @@ def build_counter(harness: Path, folder: Path, target: str) -> Path:
 
 
 def count_instructions(image: Image, code: bytes) -> Prefix:
-    """Count every instruction as one: the number of instructions before each half-word."""
+    """Return the number of instructions before each half-word, as prefix sums."""
     halfwords = np.frombuffer(code, dtype="<u2")
     begins = np.zeros(len(halfwords), dtype=np.uint32)
     for begin, stop in image.thumb_ranges():
         at, end = (begin - FLASH_ADDRESS) // 2, (stop - FLASH_ADDRESS) // 2
         while at < end:
             begins[at] = 1
-            at += 2 if halfwords[at] >= 0xE800 else 1  # a Thumb instruction of 32 or 16 bits
+            at += 2 if halfwords[at] >= 0xE800 else 1  # Thumb instruction of 32 or 16 bits
     return np.concatenate(([np.uint32(0)], np.cumsum(begins, dtype=np.uint32)))
 
 
 @dataclass(frozen=True, slots=True)
 class CortexProgram:
-    """A linked harness, ready to run."""
+    """Linked test program for a Cortex-M."""
 
     name: str  # target, for messages
-    cpu: str  # unicorn's name of the processor model
+    cpu: str  # Unicorn's name of the processor
     image: Image  # the program
-    counter: Path  # the compiled hook
-    # what a block costs, as prefix sums over the code's half-words
+    counter: Path  # compiled hook that counts
+    # costs of the code, as prefix sums over its half-words
     costs: CostFunction = count_instructions
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
-        """Answer one request after the other, from reset; anew if the emulator hung, as it once did."""
+        """Answer one request after the other, from reset; repeat once after a time limit.
+
+        The emulator hung once.
+        """
         try:
             return self._run(requests)
         except NegativeResult as error:
@@ -94,7 +99,7 @@ class CortexProgram:
 
 
 class _Machine:
-    """A processor with memory, stopped at harness_wait."""
+    """Emulated processor with memory, stopped at harness_wait."""
 
     def __init__(self, program: CortexProgram) -> None:
         unicorn: Any = import_module("unicorn")
@@ -117,7 +122,7 @@ class _Machine:
         )
 
     def _add_counting_hook(self, program: CortexProgram) -> None:
-        """Add the counting hook as native code: Python would take a hundred times as long."""
+        """Add the counting hook as native code, because Python would be 100 times slower."""
         unicorn: Any = import_module("unicorn")
         uclib: Any = import_module("unicorn.unicorn_py3.unicorn").uclib
         image = program.image
@@ -144,7 +149,7 @@ class _Machine:
         time_limit = TIME_LIMIT_S + TIME_PER_STEP_S * steps
         if stack is not None:
             self._uc.reg_write(self._registers.UC_ARM_REG_SP, stack)
-        # Unicorn's own limit keeps a processor busy with looking at the clock
+        # Unicorn's own time limit would load a processor by polling the clock.
         watchdog = threading.Timer(time_limit, self._uc.emu_stop)
         watchdog.daemon = True
         watchdog.start()
@@ -159,7 +164,7 @@ class _Machine:
             raise time_limit_error(self._name, time_limit)
 
     def answer(self, request: Request) -> Reply:
-        """Put a request into the box, run, and read the box."""
+        """Write a request into the box, run, and read the box."""
         for offset, content in ((0, request.pack()), (WINDOW_OFFSET, request.pack_rows())):
             ctypes.memmove(ctypes.addressof(self._ram) + self._box + offset, content, len(content))
         self._run_until_wait(
@@ -175,10 +180,10 @@ BYTES_PER_LINE = 16
 
 @dataclass(frozen=True, slots=True)
 class Msp430Program:
-    """A linked harness for mspdebug."""
+    """Linked test program for mspdebug."""
 
     path: Path
-    image: Image  # the same, read
+    image: Image  # content of the linked program
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
         """Answer one request after the other, from reset."""
@@ -213,8 +218,9 @@ class Msp430Program:
     def _simulator_commands(self, requests: Sequence[Request]) -> list[str]:
         """Return the simulator's commands.
 
-        Memory is written by ``mw`` and read by ``md``: ``load_raw`` and ``save_raw`` reset the
-        processor. A ``run`` from a breakpoint stays there, so one ``step`` goes first.
+        Memory is written by ``mw`` and read by ``md``, because ``load_raw`` and ``save_raw`` reset
+        the processor. A ``run`` at a breakpoint would stop immediately, so one ``step`` precedes
+        it.
         """
         box = self.image.address("harness_box")
         lines = [

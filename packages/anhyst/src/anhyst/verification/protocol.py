@@ -1,4 +1,8 @@
-"""The box through which the host and a target talk; numbers as in ``harness/harness.h``."""
+"""Exchange requests and replies with the test program of a target.
+
+Host and target share a block of memory, the box. The host writes a request into it, lets the target
+run, and reads the reply. The numbers of this module are the same as in ``harness/harness.h``.
+"""
 
 from __future__ import annotations
 
@@ -15,31 +19,36 @@ Words = NDArray[np.uint32]
 CHECKPOINT_COUNT = 64
 WINDOW_RECORDS = 48
 
-START, RANDOM, VECTORS, STACK = range(4)
-AS_SOLVED, AS_GIVEN, ON_GRID = range(3)
+START = 0  # modes of a request
+RANDOM = 1
+VECTORS = 2
+STACK = 3
+AS_SOLVED = 0  # applied current: the solved one
+AS_GIVEN = 1  # applied current: the given one
+ON_GRID = 2  # applied current: the solved one, rounded to the grid of a converter
 
 RECORD_WORDS = 18
 
 
 @dataclass(frozen=True, slots=True)
 class RecordLayout:
-    """What the words of a record and the sections mean; as in ``harness/harness.h``."""
+    """Names of the words of a record, and of the timed sections; as in ``harness/harness.h``."""
 
-    record: tuple[str, ...]  # names of the words; RECORD_WORDS of them, of a stage more
-    inputs: tuple[str, ...]  # those that go in
-    sections: tuple[str, ...]  # what is timed; nothing where a section is not used
-    # how often the clock was started and stopped for one count of a section, where not once
+    record: tuple[str, ...]  # names of all words; RECORD_WORDS of them, more for a stage
+    inputs: tuple[str, ...]  # names of the inputs
+    sections: tuple[str, ...]  # names of the timed sections; empty if a section is not used
+    # number of clock starts per count of a section, if it is not 1
     clock_calls: Mapping[str, int]
-    start_contents: str  # what of a start is compared by its hash
+    start_contents: str  # part of the start that is compared by its hash
 
     @property
     def word_count(self) -> int:
-        """How long a record is."""
+        """Length of a record in words."""
         return len(self.record)
 
     @property
     def input_positions(self) -> list[int]:
-        """Where the inputs stand in a record."""
+        """Positions of the inputs in a record."""
         return [self.record.index(name) for name in self.inputs]
 
 
@@ -54,7 +63,7 @@ COMPENSATOR_RECORD = RecordLayout(
         "clock", "solve", "commit, solved", "commit, rounded", "commit, limited", "commit, other",
         "pidd2", "tick, rounded", "tick",
     ),
-    # A tick is made of four parts: PIDD2 and compensator, solve and commit each.
+    # A tick has four parts: solve and commit of PIDD2 and of the compensator.
     clock_calls={"tick, rounded": 4, "tick": 4, "pidd2": 2},
     start_contents="conditioning sequence",
 )  # fmt: skip
@@ -82,7 +91,7 @@ CONTROLLER_RECORD = RecordLayout(
 
 
 def make_stage_record(free: Sequence[str], heads: int, magnets: int) -> RecordLayout:
-    """Return the form of a stage's records."""
+    """Return the record layout of a stage."""
     inputs = (
         *(f"head {n}" for n in range(1, heads + 1)),
         *(f"forward {axis}" for axis in free),
@@ -114,32 +123,32 @@ BOX_BYTES = 4 * BOX_WORDS
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a target is to do next."""
+    """Request to a target."""
 
     mode: int  # START, RANDOM, VECTORS or STACK
-    steps: int = 0  # how many; at most WINDOW for VECTORS
-    seed: int = 1  # of the generator, for START; not 0
-    # the hash is kept before this step and every so many steps after it, CHECKPOINTS times
+    steps: int = 0  # number of steps; at most WINDOW_RECORDS for VECTORS
+    seed: int = 1  # seed of the generator, for START; not 0
+    # the hash is stored before this step, and then after every stride, CHECKPOINT_COUNT times
     checkpoint_first: int = 0
     checkpoint_stride: int = 1
-    window_first: int = 0  # records are kept from this step on, WINDOW of them
+    window_first: int = 0  # first of WINDOW_RECORDS steps whose records are stored
     rows: Words | None = None  # inputs, for VECTORS; shape (steps, n)
-    input_positions: Sequence[int] = ()  # where they stand in a record, n places
-    record_words: int = RECORD_WORDS  # of a record
+    input_positions: Sequence[int] = ()  # positions of the inputs in a record, n of them
+    record_words: int = RECORD_WORDS  # length of a record
 
     @property
     def box_bytes(self) -> int:
-        """Size of the box."""
+        """Size of the box in bytes."""
         return 4 * (_WINDOW_AT + WINDOW_RECORDS * self.record_words)
 
     def pack(self) -> bytes:
-        """Lay the request out as the target reads it: the words from the start of the box."""
+        """Return the request as the target reads it: the words at the start of the box."""
         head = [self.mode, self.seed, self.steps]
         head += [self.checkpoint_first, self.checkpoint_stride, self.window_first]
         return np.array(head, dtype="<u4").tobytes()
 
     def pack_rows(self) -> bytes:
-        """Lay the inputs out as the target reads them: the words from WINDOW_OFFSET on."""
+        """Return the inputs as the target reads them: the words from WINDOW_OFFSET on."""
         window = np.zeros((WINDOW_RECORDS, self.record_words), dtype="<u4")
         if self.rows is not None:
             window[: len(self.rows), list(self.input_positions)] = self.rows
@@ -152,7 +161,7 @@ WINDOW_OFFSET = 4 * _WINDOW_AT
 
 @dataclass(frozen=True, slots=True)
 class CycleSection:
-    """Instructions or cycles of one part of the step, those of the clock itself included."""
+    """Instructions or cycles of one part of a step, including those of the clock itself."""
 
     count: int
     minimum: int
@@ -163,7 +172,7 @@ class CycleSection:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """What a target found in the box after it was done."""
+    """Content of the box after a request."""
 
     status: int
     state_bytes: int
@@ -181,7 +190,7 @@ class Reply:
         """Read a box."""
         words = np.frombuffer(box, dtype="<u4")
         if words[_REQUEST_WORDS] != len(words):
-            raise ValueError("the target lays the box out otherwise")
+            raise ValueError("the target has a different layout of the box")
         _, status, *numbers = (int(word) for word in words[_REQUEST_WORDS:_SECTIONS_AT])
         table = words[_SECTIONS_AT:_CHECKPOINTS_AT].reshape(SECTION_COUNT, _SECTION_WORDS)
         sections = tuple(
@@ -196,12 +205,12 @@ class Reply:
 
 
 def target_failed_error(target: str, reason: str) -> NegativeResult:
-    """Say why a target gave no answer."""
+    """Return the error for a target without an answer."""
     return NegativeResult(f"target {target}: {reason}", code="target-failed", key=target)
 
 
 def time_limit_error(target: str, limit: float) -> NegativeResult:
-    """Say that a target took longer than a limit, s."""
+    """Return the error for a target that exceeded a time limit, s."""
     return NegativeResult(
         f"target {target}: did not end within {limit:.0f} s", code="time-limit", key=target
     )

@@ -1,4 +1,4 @@
-"""What a verification found, as tables, and as two files beside what was verified."""
+"""Show the result of a verification as tables, and write them as two files into the folder."""
 
 from __future__ import annotations
 
@@ -20,54 +20,54 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What one part of a step takes on a target, in the target's unit."""
+    """Cost of one part of a step on a target, in the target's unit."""
 
-    # ``solve``; ``commit, solved`` with the solved current, ``commit, rounded`` with that on a
-    # converter's grid, ``commit, limited`` with a limit instead of it, ``commit, other`` with
-    # another current; ``pidd2``; ``tick, rounded`` and ``tick``, all of a step
+    # ``solve``; ``commit, solved`` with the solved current; ``commit, rounded`` with the current on
+    # a converter's grid; ``commit, limited`` with a limit instead; ``commit, other`` with another
+    # current; ``pidd2``; ``tick, rounded`` and ``tick``: a whole step
     part: str
     least: int  # over all steps
     mean: float  # over all steps
     most: int
-    most_at: int  # step with the most, from 0
+    most_at: int  # step of the maximum, from 0
 
 
 @dataclass(frozen=True, slots=True)
 class TargetResult:
-    """One build on one target."""
+    """Result of one build on one target."""
 
-    target: str  # where, and what sets this build apart
+    target: str  # target, and name of the build
     build: str
-    processor: str  # what it ran on and what made it
+    processor: str  # processor and compiler
     compiler: str
-    steps: int  # random steps and golden vectors compared
+    steps: int  # number of compared random steps and golden vectors
     vectors: int
-    warnings: int = 0  # the compiler's
-    # of the costs: ``instructions``, ``cycles``, or nothing where they are not counted
+    warnings: int = 0  # number of compiler warnings
+    # unit of the costs: ``instructions``, ``cycles``, or empty if they are not counted
     unit: str = ""
-    costs: tuple[Cost, ...] = ()  # by part of a step
-    sizes: ProgramSizes | None = None  # of code and constants; None on the host
-    state_bytes: int = 0  # mutable state of one compensator and of one PIDD2
+    costs: tuple[Cost, ...] = ()  # for each part of a step
+    sizes: ProgramSizes | None = None  # sizes of code and constants; None on the host
+    state_bytes: int = 0  # size of the state of one compensator and of one PIDD2
     control_bytes: int = 0
-    # deepest painted stack below a call of solve or commit, bytes
+    # largest painted stack of a call of solve or commit, bytes
     stack_measured: int | None = None
-    stack_static: int | None = None  # deepest path through the machine code from there, bytes
-    difference: Difference | None = None  # the first one
-    failure: str = ""  # why there is no comparison: it does not compile, a sanitizer stopped it
-    seconds: float = 0.0  # build and run
+    stack_static: int | None = None  # the same, bounded from the machine code
+    difference: Difference | None = None  # first difference
+    failure: str = ""  # reason without a comparison: a compiler error, a sanitizer
+    seconds: float = 0.0  # time of build and run
 
     @property
     def passed(self) -> bool:
-        """Whether every bit was the same."""
+        """Whether all bits are the same."""
         return self.difference is None and not self.failure
 
     @property
     def label(self) -> str:
-        """Target and build in one."""
+        """Target and build."""
         return f"{self.target} ({self.build})"
 
     def verdict(self) -> str:
-        """Report in one line what came out."""
+        """Return the result in one line."""
         if self.failure:
             return self.failure
         if self.difference is not None:
@@ -75,32 +75,32 @@ class TargetResult:
         return "identical"
 
     def cost(self, part: str) -> Cost | None:
-        """Return the costs of one part, if it was counted."""
+        """Return the cost of one part, or None if it was not counted."""
         return next((cost for cost in self.costs if cost.part == part), None)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Verification(Result):
-    """A bundle on all targets that were asked for.
+    """Result of a verification on all requested targets.
 
     Parameters
     ----------
     folder : str
-        The bundle.
+        The compiled folder.
     kind, io : str
-        Of the compensator and its signals.
+        Kind of the compensator, and format of its signals.
     rate : float or None
-        Ticks a second it was made for, Hz.
+        Sample rate of the compilation, Hz.
     seed : int
-        Of the random steps.
+        Seed of the random steps.
     results : tuple of TargetResult
         One for each build.
     estimates : tuple of Estimate
-        For a 16-bit digital signal controller, by part of the step.
+        Estimates for a 16-bit digital signal controller, by part of the step.
     not_run : tuple of str
-        Targets that were asked for and could not run: their tools are missing.
-    missing : tuple of Missing
-        Tools that are missing, those without which a target ran with fewer builds included.
+        Requested targets that did not run, because their tools are missing.
+    missing : tuple of MissingTool
+        Missing tools, also those without which a target ran with fewer builds.
     """
 
     folder: str
@@ -115,19 +115,19 @@ class Verification(Result):
 
     @property
     def passed(self) -> bool:
-        """Whether every bit was the same wherever it ran."""
+        """Whether all bits are the same on all targets that ran."""
         return all(result.passed for result in self.results)
 
     def first_failure(self) -> str:
-        """Return the verdict of the first build that differs, or nothing."""
+        """Return the verdict of the first build that differs, or an empty text."""
         return next((result.verdict() for result in self.results if not result.passed), "")
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything as plain data, for JSON."""
+        """Return all data in simple types, for JSON."""
         return {"format": 1, "passed": self.passed, **asdict(self)}
 
     def write_report(self, folder: Path) -> None:
-        """Write ``verify.json`` and ``verify.md`` into a folder, each whole or not at all."""
+        """Write ``verify.json`` and ``verify.md`` into a folder; an error leaves no partial file."""
         with atomic_writer(folder / JSON_FILE) as stream:
             json.dump(self.as_dict(), stream, indent=2, allow_nan=False)
             stream.write("\n")
@@ -135,12 +135,12 @@ class Verification(Result):
             stream.write(_markdown_report(self))
 
     def tables(self) -> list[TextTable]:
-        """Return what was found as tables for a person."""
+        """Return the results as tables for people."""
         same = ((result,) for result in self.results)
         rows = [_make_table("bit for bit the same as on the host", _EQUALITY_COLUMNS, same)]
         costs = [(result, cost) for result in self.results for cost in result.costs]
         sizes = [(result, result.sizes) for result in self.results if result.sizes is not None]
-        missing = [(lack, lack.target in self.not_run) for lack in self.missing]
+        missing = [(tool, tool.target in self.not_run) for tool in self.missing]
         if costs:
             rows.append(_make_table("time of a step", _COST_COLUMNS, costs))
         if sizes:
@@ -172,7 +172,7 @@ class Verification(Result):
         )
 
     def draw(self, ax: Axes) -> None:
-        """Draw mean and largest cost of a tick on each target that counts it."""
+        """Draw mean and maximum cost of a tick on each target that counts it."""
         costs = [(run, cost) for run in self.results if (cost := run.cost("tick")) is not None]
         places = range(len(costs))
         ax.barh(places, [cost.most for _, cost in costs], color="0.85", label="largest")
@@ -187,7 +187,7 @@ TEXT_FILE = "verify.md"
 
 @dataclass(frozen=True, slots=True)
 class TextTable:
-    """A table: headings, and cells as text."""
+    """Table of texts: headings and cells."""
 
     title: str
     headings: tuple[str, ...]
@@ -197,16 +197,16 @@ class TextTable:
 def _make_table(
     title: str, columns: Mapping[str, Callable[..., object]], items: Iterable[Any]
 ) -> TextTable:
-    """Return a row for each item: of each column, what its function says of it, or a dash."""
+    """Return a table with a row for each item; each column has a function; None becomes a dash."""
     texts = ([text(*item) for text in columns.values()] for item in items)
     cells = (tuple("-" if text is None else str(text) for text in row) for row in texts)
     return TextTable(title, tuple(columns), tuple(cells))
 
 
 _MISSING_COLUMNS: Mapping[str, Callable[[MissingTool, bool], object]] = {
-    "target": lambda lack, _: lack.target,
-    "tool": lambda lack, _: lack.tool,
-    "comes with": lambda lack, _: lack.install,
+    "target": lambda tool, _: tool.target,
+    "tool": lambda tool, _: tool.tool,
+    "comes with": lambda tool, _: tool.install,
     "outcome": lambda _, is_left_out: "did not run" if is_left_out else "ran without it",
 }
 _EQUALITY_COLUMNS: Mapping[str, Callable[[TargetResult], object]] = {
@@ -241,7 +241,7 @@ _MEMORY_COLUMNS: Mapping[str, Callable[[TargetResult, ProgramSizes], object]] = 
 def _estimate_table(estimates: Sequence[Estimate]) -> TextTable:
     parts = dict.fromkeys(estimate.part for estimate in estimates)
     texts = {
-        (one.part, one.prices): f"{one.cycles} ({one.rate / 1e3:.1f} kHz)" for one in estimates
+        (item.part, item.prices): f"{item.cycles} ({item.rate / 1e3:.1f} kHz)" for item in estimates
     }
     cells = tuple((part, *(texts[part, prices] for prices in PRICES)) for part in parts)
     title = f"a 16-bit DSC of {CLOCK_HZ / 1e6:.0f} MHz, worst case, estimated: cycles (rate)"
@@ -252,7 +252,7 @@ def _markdown_report(verification: Verification) -> str:
     kind, io = verification.kind, verification.io
     verdict = "identical everywhere" if verification.passed else verification.first_failure()
     if verification.not_run:
-        verdict += f"; not run for want of tools: {', '.join(verification.not_run)}"
+        verdict += f"; not run because of missing tools: {', '.join(verification.not_run)}"
     lines = ["# Verification", "", f"{kind}, {io}, seed {verification.seed}: {verdict}.", ""]
     for rows in verification.tables():
         lines += [f"## {rows.title[:1].upper()}{rows.title[1:]}", "", _table_row(rows.headings)]

@@ -1,4 +1,8 @@
-"""The targets by name, and how the C is built for each."""
+"""List the targets by name, and build the C for each of them.
+
+Each target offers its possible builds and lists its missing tools. Other packages can add targets
+that run a whole firmware, with the entry point ``anhyst.targets``.
+"""
 
 from __future__ import annotations
 
@@ -34,10 +38,10 @@ TIME_LIMIT_S = 1800.0
 
 @dataclass(frozen=True, slots=True)
 class ProcessProgram:
-    """A command that answers requests."""
+    """Test program that runs as a process and answers requests."""
 
     name: str  # target and build, for messages
-    command: tuple[str, ...]  # what to run
+    command: tuple[str, ...]  # command of the process
 
     def run(self, requests: Sequence[protocol.Request]) -> list[protocol.Reply]:
         """Answer one request after the other, from reset."""
@@ -71,15 +75,15 @@ def _failure_reason(stderr: bytes, code: int) -> str:
 
 
 PendingBuild = Callable[[], Variant]
-"""A build that has not been made yet."""
+"""Function that makes a build."""
 
 
 @dataclass(frozen=True, slots=True)
 class TargetOffer:
-    """What can be built for a target with the tools that are there, and which are not."""
+    """Possible builds of a target with the installed tools, and the missing tools."""
 
-    builds: tuple[PendingBuild, ...] = ()  # empty where the target cannot run
-    # tools that would be needed, or with which more could be built
+    builds: tuple[PendingBuild, ...] = ()  # empty if the target cannot run
+    # tools that are required, or that would allow more builds
     missing: tuple[MissingTool, ...] = ()
 
 
@@ -91,7 +95,7 @@ OPTIMISATIONS = ("-O0", "-O2", "-O3")
 SANITIZE_FLAGS = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 HOST_COMPILERS = {"gcc": "gcc", "clang": "clang"}
 SANITIZER_PACKAGES = {"gcc": "libgcc-12-dev", "clang": "libclang-rt-dev"}
-"""Packages with the libraries of their sanitizers."""
+"""System packages with the sanitizer libraries of each compiler."""
 
 AVR_CPU = "atmega1284p"
 AVR_DATA = 0x800000
@@ -100,13 +104,13 @@ SIMAVR_HEADERS = Path("/usr/include/simavr")
 
 @dataclass(frozen=True, slots=True)
 class CortexProcessor:
-    """A processor: as the compiler and the emulator call it, and what it may have beyond others."""
+    """Names of a processor for compiler and emulator, and its optional units."""
 
-    cpu: str  # names of compiler and emulator
+    cpu: str  # name for the compiler, and for the emulator
     model: str
-    # what the compiler is asked to use floating-point instructions; empty without
+    # compiler option for the floating-point unit; empty without one
     float_unit: str = ""
-    has_port: bool = False  # whether it has the instructions of the port header
+    has_port: bool = False  # whether it has the DSP instructions of the port header
 
 
 CORTEX_PROCESSORS = {
@@ -121,9 +125,9 @@ CORTEX_PROCESSORS = {
 
 
 def host_compilers() -> dict[str, list[str]]:
-    """Return the commands of the compilers for this machine that are there, by name.
+    """Return the commands of the installed compilers for this machine, by name.
 
-    Those that a report names; where there is none of them, any other.
+    These are the compilers of the report. If none of them is installed, any other is used.
     """
     compilers = {name: [name] for name in HOST_COMPILERS if shutil.which(name)}
     if compilers:
@@ -133,10 +137,10 @@ def host_compilers() -> dict[str, list[str]]:
     return {} if missing_modules("host", ["ziglang"]) else {"zig cc": zig_cc("host")}
 
 
-def build_reference(workshop: BuildFolder) -> Variant:
-    """Build what all others are compared with: the C on this machine."""
+def build_reference(build_folder: BuildFolder) -> Variant:
+    """Build the reference: the C on this machine."""
     for name, command in host_compilers().items():
-        return _build_host(workshop, name, command, ("-O2",))
+        return _build_host(build_folder, name, command, ("-O2",))
     raise InputError(
         "no C compiler for this machine, which all targets are compared with: apt install gcc, or "
         "pip install 'anhyst[verify]'",
@@ -145,20 +149,20 @@ def build_reference(workshop: BuildFolder) -> Variant:
     )
 
 
-def offer_host(workshop: BuildFolder) -> TargetOffer:
-    """Return the builds for this machine: each compiler at each optimisation, and sanitizers."""
-    orders: list[PendingBuild] = []
+def offer_host(build_folder: BuildFolder) -> TargetOffer:
+    """Offer the builds for this machine: each compiler with each optimisation, and sanitizers."""
+    builds: list[PendingBuild] = []
     missing = list(missing_programs("host", HOST_COMPILERS))
     for name, command in host_compilers().items():
         settings: list[tuple[str, ...]] = [(level,) for level in OPTIMISATIONS]
         if name in SANITIZER_PACKAGES:
-            if _has_sanitizers(command, workshop.folder):
+            if _has_sanitizers(command, build_folder.folder):
                 settings.append(SANITIZE_FLAGS)
             else:
                 tool = f"sanitizers of {name}"
                 missing.append(MissingTool("host", tool, f"apt install {SANITIZER_PACKAGES[name]}"))
-        orders += [partial(_build_host, workshop, name, command, flags) for flags in settings]
-    return TargetOffer(tuple(orders), tuple(missing))
+        builds += [partial(_build_host, build_folder, name, command, flags) for flags in settings]
+    return TargetOffer(tuple(builds), tuple(missing))
 
 
 def _has_sanitizers(command: Sequence[str], folder: Path) -> bool:
@@ -172,57 +176,58 @@ def _has_sanitizers(command: Sequence[str], folder: Path) -> bool:
 
 
 def _build_host(
-    workshop: BuildFolder, name: str, command: list[str], flags: tuple[str, ...]
+    build_folder: BuildFolder, name: str, command: list[str], flags: tuple[str, ...]
 ) -> Variant:
     is_sanitized = flags == SANITIZE_FLAGS
     title = f"{name} sanitizers" if is_sanitized else f"{name} {flags[0]}"
-    program = workshop.folder / f"host-{title.replace(' ', '-')}"
+    program = build_folder.folder / f"host-{title.replace(' ', '-')}"
     label = f"host ({title})"
-    warnings = compile_c(command, workshop.make_build("host", *flags), program, label)
+    warnings = compile_c(command, build_folder.make_build("host", *flags), program, label)
     process = ProcessProgram(label, (str(program),))
     return Variant("host", title, process, "", "this machine", name, warnings)
 
 
-def offer_cortex_m(name: str, workshop: BuildFolder) -> TargetOffer:
-    """Return the builds for a Cortex-M: without and with its own instructions, if it has some.
+def offer_cortex_m(name: str, build_folder: BuildFolder) -> TargetOffer:
+    """Offer the builds for a Cortex-M: portable, and with optional instructions of the processor.
 
-    In fixed point those are the port header's, in floating point those of its floating-point unit.
-    A stage is not run without that, nor without the port header where there is one.
+    In fixed point these are the instructions of the port header, in floating point those of the
+    floating-point unit. If the processor has a floating-point unit, a stage in floating point runs
+    only with it, and only with the port header if there is one.
     """
     if missing := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
         return TargetOffer(missing=missing)
-    counter = build_counter(HARNESS_FOLDER, workshop.folder, name)
-    is_float = workshop.bundle.io == "f32"
-    has_port = CORTEX_PROCESSORS[name].has_port and workshop.bundle.has_port
+    counter = build_counter(HARNESS_FOLDER, build_folder.folder, name)
+    is_float = build_folder.bundle.io == "f32"
+    has_port = CORTEX_PROCESSORS[name].has_port and build_folder.bundle.has_port
     builds = [("soft float" if is_float else "portable", "")]
     if is_float and CORTEX_PROCESSORS[name].float_unit:
-        builds = [] if workshop.stage_record is not None else builds
+        builds = [] if build_folder.stage_record is not None else builds
         builds.append(
             (f"hard float{PORT_SUFFIX if has_port else ''}", CORTEX_PROCESSORS[name].float_unit)
         )
     elif has_port:
         builds.append(("port header", ""))
     return TargetOffer(
-        tuple(partial(_build_cortex_m, name, workshop, counter, *build) for build in builds)
+        tuple(partial(_build_cortex_m, name, build_folder, counter, *build) for build in builds)
     )
 
 
 def _build_cortex_m(
-    name: str, workshop: BuildFolder, counter: Path, title: str, float_unit: str
+    name: str, build_folder: BuildFolder, counter: Path, title: str, float_unit: str
 ) -> Variant:
     cpu = CORTEX_PROCESSORS[name].cpu + float_unit
-    build = workshop.make_build("cortex_m", "-O2", "-Wl,--gc-sections")
+    build = build_folder.make_build("cortex_m", "-O2", "-Wl,--gc-sections")
     if title.endswith("port header"):
         build = replace(build, defines={**build.defines, **PORT_DEFINE})
-    path = workshop.folder / f"{name}-{title.replace(' ', '-').replace(',', '')}.elf"
+    path = build_folder.folder / f"{name}-{title.replace(' ', '-').replace(',', '')}.elf"
     warnings = compile_cortex_m(cpu, build, HARNESS_FOLDER / "cortex_m.ld", path)
     image = read_image(path)
     program = CortexProgram(name, CORTEX_PROCESSORS[name].model, image, counter)
     return Variant(name, title, program, "instructions", cpu, "zig cc -O2", warnings, image)
 
 
-def offer_avr(workshop: BuildFolder) -> TargetOffer:
-    """Return the build for an ATmega, run by simavr."""
+def offer_avr(build_folder: BuildFolder) -> TargetOffer:
+    """Offer the build for an ATmega, run by simavr."""
     missing = list(missing_programs("avr", {"avr-gcc": "gcc-avr avr-libc"}))
     missing += missing_modules("avr", ["elftools"])
     compilers = list(host_compilers().values())
@@ -232,17 +237,17 @@ def offer_avr(workshop: BuildFolder) -> TargetOffer:
         missing.append(MissingTool("avr", "libsimavr", "apt install libsimavr-dev libelf-dev"))
     if missing:
         return TargetOffer(missing=tuple(missing))
-    return TargetOffer((partial(_build_avr, workshop, compilers[0]),))
+    return TargetOffer((partial(_build_avr, build_folder, compilers[0]),))
 
 
-def _build_avr(workshop: BuildFolder, host_compiler: list[str]) -> Variant:
-    path = workshop.folder / "avr.elf"
-    build = workshop.make_build("avr", "-O2", f"-mmcu={AVR_CPU}", "-Wl,--gc-sections")
+def _build_avr(build_folder: BuildFolder, host_compiler: list[str]) -> Variant:
+    path = build_folder.folder / "avr.elf"
+    build = build_folder.make_build("avr", "-O2", f"-mmcu={AVR_CPU}", "-Wl,--gc-sections")
     warnings = compile_c(["avr-gcc"], build, path, "avr")
     image = read_image(path)
-    runner = workshop.folder / "avr_runner"
+    runner = build_folder.folder / "avr_runner"
     headers = [str(SIMAVR_HEADERS), str(SIMAVR_HEADERS / "avr")]
-    # simavr's own headers are not clean under this project's warnings.
+    # The headers of simavr cause warnings with the flags of this project.
     flags = ("-O2", *(f"-isystem{folder}" for folder in headers), "-Wno-conversion")
     source = Build((HARNESS_FOLDER / "avr_runner.c",), flags=flags, libraries=("-lsimavr", "-lelf"))
     compile_c(host_compiler, source, runner, "avr")
@@ -252,25 +257,25 @@ def _build_avr(workshop: BuildFolder, host_compiler: list[str]) -> Variant:
     return Variant("avr", "portable", program, "cycles", AVR_CPU, "avr-gcc -O2", warnings, image)
 
 
-def offer_msp430(workshop: BuildFolder) -> TargetOffer:
-    """Return the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
+def offer_msp430(build_folder: BuildFolder) -> TargetOffer:
+    """Offer the build for an MSP430 with a hardware multiplier, run by mspdebug's simulator."""
     missing = (
         *missing_programs("msp430", {"mspdebug": "mspdebug"}),
         *missing_modules("msp430", ["ziglang", "elftools"]),
     )
     if missing:
         return TargetOffer(missing=missing)
-    return TargetOffer((partial(_build_msp430, workshop),))
+    return TargetOffer((partial(_build_msp430, build_folder),))
 
 
-def _build_msp430(workshop: BuildFolder) -> Variant:
-    path = workshop.folder / "msp430.elf"
+def _build_msp430(build_folder: BuildFolder) -> Variant:
+    path = build_folder.folder / "msp430.elf"
     compiler = [*zig_cc("msp430"), "-target", "msp430-freestanding-none", *FREESTANDING_FLAGS]
     compiler += ["-T", str(HARNESS_FOLDER / "msp430.ld"), "-Wl,--entry=reset"]
-    # 56 KiB of flash hold a whole position controller only where it is compiled for size.
-    level = "-Os" if workshop.subject == "controller" else "-O2"
-    # Without -g the linker drops the symbols.
-    build = workshop.make_build("msp430", level, "-g", "-Wl,--gc-sections")
+    # A whole position controller fits into 56 KiB of flash only if it is optimised for size.
+    level = "-Os" if build_folder.subject == "controller" else "-O2"
+    # Without -g, the linker removes the symbols.
+    build = build_folder.make_build("msp430", level, "-g", "-Wl,--gc-sections")
     warnings = compile_c(compiler, build, path, "msp430")
     image = read_image(path)
     program, chip = Msp430Program(path, image), "MSP430, 16x16 multiplier"
@@ -287,32 +292,32 @@ TARGETS: Mapping[str, OfferMaker] = {
 
 
 class WholeTarget(Protocol):
-    """A target that runs a whole program around a compensator: another package builds it."""
+    """Target of another package that runs a whole program with a compensator."""
 
     def missing_tools(self) -> tuple[MissingTool, ...]:
-        """Return what it would need and is not there."""
+        """Return the missing tools."""
 
     def verify(self, bundle: Bundle, folder: Path, steps: int, seed: int) -> TargetResult:
-        """Run a bundle; ``folder`` is for what is built."""
+        """Run a bundle; ``folder`` is for temporary files."""
 
 
 def _find_target_fault(target: object, _: str) -> str:
-    """Say what keeps a target of another package from being used; empty where nothing does."""
+    """Return the reason why a target of another package cannot be used; empty if it can."""
     work = (getattr(target, name, None) for name in ("missing_tools", "verify"))
-    return "" if all(map(callable, work)) else "and it is no target"
+    return "" if all(map(callable, work)) else "and it is not a target"
 
 
 WHOLE_TARGETS: Registry[WholeTarget] = Registry(
     "anhyst.targets", {}, _find_target_fault, reserved=TARGETS
 )
-"""By name: the entry points ``anhyst.targets`` of installed packages."""
+"""Targets by name, from the entry points ``anhyst.targets`` of installed packages."""
 
 FLOAT_TARGETS = ("host", *CORTEX_PROCESSORS)
-"""Where single precision and stages are compared."""
+"""Targets that compare single precision and stages."""
 
 
 def parse_targets(names: str, bundle: Bundle) -> list[str]:
-    """Read a list such as ``host,cortex-m4``."""
+    """Read a list of targets such as ``host,cortex-m4``."""
     targets = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
     known = (*TARGETS, *WHOLE_TARGETS)
     if not targets:

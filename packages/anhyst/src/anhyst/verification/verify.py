@@ -1,4 +1,8 @@
-"""Runs the C of a bundle on all targets and holds it against the host."""
+"""Run the C of a compiled folder on all targets, and compare every bit with the host.
+
+For each target, the C is built together with a test harness. The harness runs the golden vectors
+and random steps, and returns hashes, costs and stack use. The build for the host is the reference.
+"""
 
 from __future__ import annotations
 
@@ -54,9 +58,9 @@ def verify(
     seed: int = SEED,
     progress: Progress | None = None,
 ) -> Verification:
-    """Compare compiled C bit for bit on several targets, and measure it there: `anhyst.verify`.
+    """Compare compiled C bit for bit on several targets, and measure its cost: `anhyst.verify`.
 
-    Left out, the targets are :data:`DEFAULT`, as far as there are tools.
+    Without `on`, the targets are :data:`DEFAULT_TARGETS` for which tools are installed.
     """
     check_path(folder, "verify: folder", "the path of a compiled folder")
     for name, number in (("host steps", host_steps), ("steps", target_steps), ("seed", seed)):
@@ -68,14 +72,14 @@ def verify(
     with tempfile.TemporaryDirectory(prefix="anhyst-verify-") as scratch:
         numbers = (host_steps, target_steps, seed)
         subject: Subject = "stage" if bundle.stage else "compensator"
-        workshop = BuildFolder.create(bundle, Path(scratch), subject)
-        if workshop.stage_record is None:
+        build_folder = BuildFolder.create(bundle, Path(scratch), subject)
+        if build_folder.stage_record is None:
             vectors = read_vectors(folder / VECTORS_FILE, bundle.io == "f32")
         else:
             vectors = read_stage_vectors(
-                folder / VECTORS_FILE, workshop.stage_record, bundle.io == "f32"
+                folder / VECTORS_FILE, build_folder.stage_record, bundle.io == "f32"
             )
-        offers, missing = _collect_offers(workshop, names)
+        offers, missing = _collect_offers(build_folder, names)
         runnable = {name for name, offer in offers.items() if offer.builds}
         whole_targets = [
             name
@@ -84,9 +88,9 @@ def verify(
         ]
         runnable.update(whole_targets)
         if not runnable:
-            texts = "; ".join(lack.text() for lack in missing)
+            texts = "; ".join(tool.text() for tool in missing)
             raise InputError(f"no target can run; missing is {texts}", code="no-target")
-        jobs = [(_VerificationJob(workshop, vectors, *numbers), offers)]
+        jobs = [(_VerificationJob(build_folder, vectors, *numbers), offers)]
         if bundle.manifest.get("controller") is not None:
             controller_folder = BuildFolder.create(
                 bundle, Path(scratch) / "controller", "controller"
@@ -95,7 +99,7 @@ def verify(
                 controller_folder, read_levitation(folder / LEVITATION_FILE), *numbers
             )
             jobs.append((levitation, _collect_offers(controller_folder, names)[0]))
-        builds = sum(len(offer.builds) for _, some in jobs for offer in some.values())
+        builds = sum(len(offer.builds) for _, job_offers in jobs for offer in job_offers.values())
         counter = count(1)
 
         def report_build() -> None:
@@ -103,8 +107,8 @@ def verify(
                 progress(next(counter), builds + len(whole_targets))
 
         results: list[TargetResult] = []
-        for job, some in jobs:
-            results += job.run_all(some, report_build)
+        for job, job_offers in jobs:
+            results += job.run_all(job_offers, report_build)
         for name in whole_targets:
             target = targets.WHOLE_TARGETS[name]
             results.append(target.verify(bundle, Path(scratch), target_steps, seed))
@@ -117,64 +121,72 @@ def verify(
 
 
 def _collect_offers(
-    workshop: BuildFolder, names: Sequence[str]
+    build_folder: BuildFolder, names: Sequence[str]
 ) -> tuple[dict[str, targets.TargetOffer], tuple[MissingTool, ...]]:
-    """Return what can be built for each target, and all tools that are missing."""
-    offers = {name: targets.TARGETS[name](workshop) for name in names if name in targets.TARGETS}
-    missing = [lack for offer in offers.values() for lack in offer.missing]
-    return offers, (*missing, *(lack for name in names for lack in _missing_for_whole_target(name)))
+    """Return the possible builds of each target, and all missing tools."""
+    offers = {
+        name: targets.TARGETS[name](build_folder) for name in names if name in targets.TARGETS
+    }
+    missing = [tool for offer in offers.values() for tool in offer.missing]
+    return offers, (*missing, *(tool for name in names for tool in _missing_for_whole_target(name)))
 
 
 def _missing_for_whole_target(name: str) -> tuple[MissingTool, ...]:
-    """Return what a target of another package would need and is not there."""
+    """Return the missing tools of a target of another package."""
     return targets.WHOLE_TARGETS[name].missing_tools() if name in targets.WHOLE_TARGETS else ()
 
 
 @dataclass
 class _VerificationJob:
-    """What all builds have in common: the inputs, and the host's answers to them."""
+    """Data that all builds share: the inputs, and the host's answers to them."""
 
-    workshop: BuildFolder
+    build_folder: BuildFolder
     vectors: GoldenVectors
     host_steps: int
     target_steps: int
     seed: int
 
     def __post_init__(self) -> None:
-        self._reference = targets.build_reference(self.workshop)
+        self._reference = targets.build_reference(self.build_folder)
         self._answers: dict[int, Answers] = {}
 
     def step_count(self, target: str) -> int:
-        """Return how many random steps there are; a tick of a stage is one of every magnet."""
+        """Return the number of random steps; one tick of a stage counts as one step per magnet."""
         steps = self.host_steps if target == "host" else self.target_steps
-        stage = self.workshop.bundle.stage
+        stage = self.build_folder.bundle.stage
         return max(1, steps // stage["magnets"]) if stage else steps
 
     def run_all(
         self, offers: Mapping[str, targets.TargetOffer], report_build: Callable[[], None]
     ) -> list[TargetResult]:
-        """Build and run everything, as many at a time as there are processors."""
-        orders = [(name, order) for name, offer in offers.items() for order in offer.builds]
-        for steps in {self.step_count(name) for name, _ in orders}:
+        """Build and run all targets, with as many threads as processors."""
+        builds = [
+            (name, pending_build)
+            for name, offer in offers.items()
+            for pending_build in offer.builds
+        ]
+        for steps in {self.step_count(name) for name, _ in builds}:
             self._answers[steps] = run_program(
                 self._reference.program, self.vectors, steps, self.seed
             )
         results: list[TargetResult] = []
         with ThreadPoolExecutor(core_count()) as pool:
-            for future in [pool.submit(partial(self._run_build, *order)) for order in orders]:
+            for future in [
+                pool.submit(partial(self._run_build, *pending_build)) for pending_build in builds
+            ]:
                 results.append(future.result())
                 report_build()
         return results
 
-    def _run_build(self, target: str, order: targets.PendingBuild) -> TargetResult:
+    def _run_build(self, target: str, pending_build: targets.PendingBuild) -> TargetResult:
         began = time.monotonic()
         steps = self.step_count(target)
         try:
-            variant = order()
+            variant = pending_build()
         except NegativeResult as error:
             return TargetResult(target, "build", "", "", 0, 0, failure=str(error))
         name = variant.name
-        if self.workshop.subject == "controller":
+        if self.build_folder.subject == "controller":
             name = f"{name}, controller"
         head = (target, name, variant.processor, variant.compiler)
         try:
@@ -184,7 +196,7 @@ class _VerificationJob:
             difference = compare_answers(programs, answers, self.vectors, steps, self.seed)
         except NegativeResult as error:
             return TargetResult(*head, 0, 0, failure=str(error))
-        is_counted, sizes, bundle = bool(variant.unit), None, self.workshop.bundle
+        is_counted, sizes, bundle = bool(variant.unit), None, self.build_folder.bundle
         if variant.image is not None:
             sources = {Path(path).name for path in (*bundle.c_files, *PIDD2_PATHS)}
             sizes = elf.measure_sizes(variant.image, bundle.name, sources, target == "avr")
@@ -199,33 +211,33 @@ class _VerificationJob:
             state_bytes=outcome.random.state_bytes,
             control_bytes=outcome.random.control_bytes,
             stack_measured=outcome.stack if is_counted else None,
-            stack_static=_static_stack(variant, self.workshop),
+            stack_static=_static_stack(variant, self.build_folder),
             difference=difference,
             seconds=time.monotonic() - began,
         )
 
     def _list_costs(self, outcome: Answers) -> tuple[Cost, ...]:
-        """Return what the random steps took; of a stage also what its flight did."""
+        """Return the costs of the random steps; for a stage also those of its golden vectors."""
         counted = net_costs(outcome.random, self.vectors.layout)
-        if self.workshop.stage_record is not None:
+        if self.build_folder.stage_record is not None:
             flown = net_costs(outcome.golden, self.vectors.layout)[-1]
             counted = (*counted, replace(flown, part="tick, in flight"))
         return counted
 
 
-def _static_stack(variant: Variant, workshop: BuildFolder) -> int | None:
+def _static_stack(variant: Variant, build_folder: BuildFolder) -> int | None:
     if variant.image is None or variant.target not in targets.CORTEX_PROCESSORS:
         return None
-    if workshop.subject != "compensator":
-        return elf.worst_case_stack(variant.image, [f"{workshop.bundle.name}_controller_tick"])
-    io = workshop.bundle.io
-    object_of = "play_map" if workshop.bundle.kind == PLAY_KIND else "compensator"
+    if build_folder.subject != "compensator":
+        return elf.worst_case_stack(variant.image, [f"{build_folder.bundle.name}_controller_tick"])
+    io = build_folder.bundle.io
+    object_of = "play_map" if build_folder.bundle.kind == PLAY_KIND else "compensator"
     roots = [f"anhyst_{object_of}_{part}_{io}" for part in ("solve", "commit")]
     return elf.worst_case_stack(variant.image, roots)
 
 
 def net_costs(reply: Reply, layout: RecordLayout) -> tuple[Cost, ...]:
-    """Take the clock's own share off what was counted."""
+    """Subtract the cost of the clock itself from the counted costs."""
     found = []
     for name, section in zip(layout.sections[1:], reply.sections[1:], strict=True):
         if section.count:
@@ -244,9 +256,9 @@ def net_costs(reply: Reply, layout: RecordLayout) -> tuple[Cost, ...]:
 
 
 def _estimate_dsc(job: _VerificationJob) -> tuple[elf.Estimate, ...]:
-    """Run the Cortex-M0+ once more for each list of prices."""
+    """Run the Cortex-M0+ again for each list of prices."""
     try:
-        program = targets.offer_cortex_m(elf.ESTIMATE_TARGET, job.workshop).builds[0]().program
+        program = targets.offer_cortex_m(elf.ESTIMATE_TARGET, job.build_folder).builds[0]().program
         assert isinstance(program, CortexProgram)
         priced = [
             (name, replace(program, costs=partial(elf.instruction_prices, elf.PRICES[name])))
@@ -257,8 +269,8 @@ def _estimate_dsc(job: _VerificationJob) -> tuple[elf.Estimate, ...]:
             for name, each in priced
         ]
     except NegativeResult:
-        return ()  # reported as a failure of the target where it was asked for
-    prefix = "controller: " if job.workshop.subject == "controller" else ""
+        return ()  # the failure is reported with the target, if it was requested
+    prefix = "controller: " if job.build_folder.subject == "controller" else ""
     return tuple(
         elf.Estimate(f"{prefix}{cost.part}", name, cost.most, elf.CLOCK_HZ / cost.most)
         for name, reply in replies

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* AVR under simavr: avr_runner.c watches three general-purpose registers. */
+/* Port for an AVR under simavr. avr_runner.c monitors three general-purpose registers. */
 #include <avr/io.h>
 
 #include "harness.h"
@@ -12,7 +12,7 @@ void harness_wait(void)
   __asm__ volatile("nop" ::: "memory");
 }
 
-void harness_clock_start(void) { GPIOR1 = 1; /* the runner remembers the cycle */ }
+void harness_clock_start(void) { GPIOR1 = 1; /* the runner stores the cycle */ }
 
 uint32_t harness_clock_stop(void)
 {
@@ -20,7 +20,7 @@ uint32_t harness_clock_stop(void)
   return harness_count;
 }
 
-/* Two more than here: the return address of this very call. */
+/* The return address of this call takes 2 bytes. */
 uintptr_t harness_stack_pointer(void) { return SP + 2U; }
 
 extern unsigned char _end[]; /* avr-libc's linker script: end of .bss */

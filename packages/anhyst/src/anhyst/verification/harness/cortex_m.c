@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Cortex-M under an emulator that counts instructions.
-
-   The emulator stops at harness_wait, zeroes its count at harness_clock_start, and writes it to
-   harness_count at harness_clock_stop: each is a function so that it begins a block of the
-   emulator's, which counts by blocks. */
+/* Port for a Cortex-M in an emulator that counts instructions.
+ *
+ * The emulator stops at harness_wait, clears its count at harness_clock_start, and writes it to
+ * harness_count at harness_clock_stop. It counts by basic blocks. Each of these functions therefore
+ * begins a block. */
 #include "freestanding.h"
 #include "harness.h"
 

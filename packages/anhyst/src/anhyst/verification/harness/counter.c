@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Counts what an emulated processor executes, block by block, as a hook of Unicorn's.
-
-   A hook for each instruction would miss those that are predicated and not executed; a block's
-   instructions all take their turn. As native code this costs next to nothing. */
+/* Counts the executed instructions of an emulated processor, block by block, as a hook of Unicorn.
+ *
+ * A hook for each instruction would miss predicated instructions that are not executed. All
+ * instructions of a block are counted. As native code, the hook costs almost no time. */
 #include <stdint.h>
 
-/* What one half-word of code costs before it and all before it: prefix sums, so that a block costs
-   prefix[end] - prefix[begin]. */
+/* Costs of the half-words of the code, as prefix sums: a block costs prefix[end] - prefix[begin].
+ */
 typedef struct {
   uint32_t code_begin, code_end;
-  const uint32_t *prefix; /* one entry a half-word, and one more */
+  const uint32_t *prefix; /* one entry per half-word, and one more */
   uint32_t start, stop;   /* addresses of harness_clock_start and harness_clock_stop */
   uint32_t *result;       /* harness_count, in the memory of the emulated processor */
   uint64_t count;

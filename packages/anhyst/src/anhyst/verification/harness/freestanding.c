@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "freestanding.h"
 
-/* Volatile, or the compiler finds out what these do and calls them. */
+/* Volatile, because otherwise the compiler recognises the loops and replaces them by calls of these
+ * functions. */
 void *memset(void *to, int value, __SIZE_TYPE__ n)
 {
   volatile unsigned char *at = to;

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Runs a subject through steps of its own making and folds every output into a hash.
-
-   The same source runs on every target. Inputs come from a generator that is made of unsigned
-   32-bit arithmetic alone, so that all targets see the same ones; nothing here relies on the width
-   of int. */
+/* Runs a subject with random inputs or golden vectors, and hashes every output.
+ *
+ * The same source runs on every target. The random generator uses unsigned 32-bit arithmetic only,
+ * so that all targets get the same inputs. The code does not depend on the width of int. */
 #include "harness.h"
 
 #include "anhyst/numeric/status.h"
@@ -90,7 +89,7 @@ static void start(void)
   }
 }
 
-/* None where the subject did not start: nothing may run then. */
+/* Returns 0 if the subject did not start, because no step may run then. */
 static uint32_t steps_to_run(void)
 {
   return harness_box.status == ANHYST_OK ? harness_box.steps : 0;
@@ -116,7 +115,7 @@ static void run_random(void)
   }
 }
 
-/* The window holds inputs on entry, inputs and outputs on return. */
+/* The window contains inputs on entry, and inputs and outputs on return. */
 static void run_vectors(void)
 {
   harness_box.window_first = harness_box.step;

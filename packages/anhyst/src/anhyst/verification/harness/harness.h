@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What a target runs to be compared with the host, and what its port has to supply.
-
-   The host fills the box, lets the target run until it calls harness_wait, and reads the box. All
-   of it is uint32_t, so that every target lays it out alike; anhyst.verification.protocol holds the
-   same numbers and checks HARNESS_BOX_WORDS. */
+/* Interface between the host, the test program of a target, and the port for its processor.
+ *
+ * The host fills the box, lets the target run until it calls harness_wait, and reads the box. All
+ * members are uint32_t, so that every target has the same layout. anhyst.verification.protocol uses
+ * the same numbers and checks box_words. */
 #ifndef HARNESS_H
 #define HARNESS_H
 
@@ -12,22 +12,22 @@
 #define HARNESS_CHECKPOINTS 64
 #define HARNESS_WINDOW 48
 
-/* What to do. */
+/* Modes of a request. */
 enum {
-  HARNESS_START = 0,   /* take the block, forget everything, restart the generator with the seed */
+  HARNESS_START = 0,   /* initialise from the block, restart the generator with the seed */
   HARNESS_RANDOM = 1,  /* the next `steps` steps of the generator */
-  HARNESS_VECTORS = 2, /* `steps` steps with the inputs that stand in the window */
+  HARNESS_VECTORS = 2, /* `steps` steps with the inputs in the window */
   HARNESS_STACK = 3    /* as HARNESS_RANDOM, measuring stack instead of time */
 };
 
-/* How the current of a step comes about. */
+/* Source of the applied current of a step. */
 enum {
   HARNESS_AS_SOLVED = 0, /* applied is the solved current at the same gap */
-  HARNESS_AS_GIVEN = 1,  /* applied and its gap stand in the record */
+  HARNESS_AS_GIVEN = 1,  /* applied current and its gap are in the record */
   HARNESS_ON_GRID = 2    /* as solved, rounded to a converter of 12 bits */
 };
 
-/* One step of a compensator: what goes in and what comes out, in the order in which it does. */
+/* One step of a compensator: inputs and outputs, in the order of their use. */
 enum {
   HARNESS_DEMAND,
   HARNESS_GAP,
@@ -49,7 +49,7 @@ enum {
   HARNESS_VELOCITY
 };
 
-/* Of a stage, whose records are longer, the build says how many. */
+/* The build sets this for a stage, which has longer records. */
 #ifndef HARNESS_RECORD_WORDS
 #define HARNESS_RECORD_WORDS 18
 #endif
@@ -71,30 +71,30 @@ enum {
   HARNESS_AT_FAULT,
   HARNESS_AT_INTEGRAL,
   HARNESS_AT_VELOCITY,
-  HARNESS_AT_MEMORY_A, /* of the iron of magnet 1 */
+  HARNESS_AT_MEMORY_A, /* hysteresis state of magnet 1 */
   HARNESS_AT_MEMORY_B,
   HARNESS_AT_MEMORY_C,
   HARNESS_AT_END
 };
 
-/* What is timed. */
+/* Timed sections of a step. */
 enum {
-  HARNESS_EMPTY, /* the clock itself: to be taken off the others */
+  HARNESS_EMPTY, /* the clock itself; it is subtracted from the others */
   HARNESS_SOLVE,
   HARNESS_COMMIT_SOLVED,
-  HARNESS_COMMIT_ROUNDED, /* to a converter's grid */
-  HARNESS_COMMIT_LIMITED, /* of a solved current that met a limit, rounded or not */
+  HARNESS_COMMIT_ROUNDED, /* current rounded to the grid of a converter */
+  HARNESS_COMMIT_LIMITED, /* solved current at a limit, rounded or not */
   HARNESS_COMMIT_OTHER,
   HARNESS_CONTROL_BLOCK,
-  HARNESS_TICK_ROUNDED, /* all of a step whose current was solved without a limit, and rounded */
-  HARNESS_TICK,         /* all of one step */
+  HARNESS_TICK_ROUNDED, /* whole step whose current was rounded and met no limit */
+  HARNESS_TICK,         /* whole step */
   HARNESS_SECTIONS
 };
 
-/* And of a position controller, beside the tick: by what it does at it. */
+/* Sections of a position controller, in addition to HARNESS_TICK: by its action in the tick. */
 enum {
   HARNESS_CONTROLS = HARNESS_SOLVE,      /* controls the position */
-  HARNESS_RAMPS = HARNESS_COMMIT_SOLVED, /* demands a force of its own: lift-off, setting down */
+  HARNESS_RAMPS = HARNESS_COMMIT_SOLVED, /* ramps the force: lift-off or landing */
   HARNESS_RESTS = HARNESS_COMMIT_ROUNDED /* neither */
 };
 
@@ -107,19 +107,18 @@ typedef struct {
   uint32_t mode;
   uint32_t seed;
   uint32_t steps;
-  uint32_t checkpoint_first;  /* hash is kept before this step, and every ... */
-  uint32_t checkpoint_stride; /* ... so many steps after it */
-  uint32_t window_first;      /* records are kept from this step on */
+  uint32_t checkpoint_first;  /* the hash is stored before this step, and then ... */
+  uint32_t checkpoint_stride; /* ... at every stride */
+  uint32_t window_first;      /* first step whose record is stored */
   /* Filled by the target. */
   uint32_t box_words;
-  uint32_t status;        /* of the subject's start */
-  uint32_t state_bytes;   /* of the compensator or the controller */
+  uint32_t status;        /* result of the start */
+  uint32_t state_bytes;   /* size of the compensator or the controller */
   uint32_t control_bytes; /* sizeof(anhyst_pidd2_state_q31) */
-  uint32_t words;         /* of the parameter block */
-  uint32_t
-      stack_bytes; /* deepest so far below a call of solve or commit, return address included */
-  uint32_t step;   /* steps since HARNESS_START */
-  uint32_t hash;   /* of everything since HARNESS_START */
+  uint32_t words;         /* number of words of the parameter block */
+  uint32_t stack_bytes;   /* largest stack of a call of solve or commit, return address included */
+  uint32_t step;          /* steps since HARNESS_START */
+  uint32_t hash;          /* hash of all records since HARNESS_START */
   harness_section sections[HARNESS_SECTIONS];
   uint32_t checkpoints[HARNESS_CHECKPOINTS];
   uint32_t window[HARNESS_WINDOW][HARNESS_RECORD_WORDS];
@@ -127,41 +126,41 @@ typedef struct {
 
 extern volatile harness_box_layout harness_box;
 
-/* Supplied by the port. */
+/* Functions of the port. */
 
-/* Gives way to the host, which fills the box again before this returns. */
+/* Returns control to the host, which fills the box before this function returns. */
 void harness_wait(void);
 /* Starts counting instructions or cycles. */
 void harness_clock_start(void);
-/* Counted since harness_clock_start, the call of this function included. */
+/* Returns the count since harness_clock_start, including the call of this function. */
 uint32_t harness_clock_stop(void);
-/* The stack pointer of the caller, and the lowest address its stack may reach; both 0 where the
-   stack is not measured. */
+/* Return the stack pointer of the caller, and the lowest address of its stack; both are 0 if the
+ * stack is not measured. */
 uintptr_t harness_stack_pointer(void);
 uintptr_t harness_stack_end(void);
 
-/* Supplied by the subject, run_compensator.c, run_controller.c or run_stage.c. Each keeps the
-   inputs of one step. */
+/* Functions of the subject: run_compensator.c, run_controller.c or run_stage.c. Each file stores
+ * the inputs of one step. */
 
-/* Forgets everything; puts status, sizes and words in the box. */
+/* Resets all state; writes status, sizes and words into the box. */
 void subject_start(void);
-/* Folds what else of a start is compared. */
+/* Adds further data of the start to the hash. */
 void subject_fold_start(void);
-/* Takes the inputs of a step from the generator, or from a record. */
+/* Set the inputs of a step from the generator, or from a record. */
 void subject_draw(uint32_t step);
 void subject_read(const volatile uint32_t *row);
 /* Runs a step, measures its parts, and fills the record. */
 void subject_step(uint32_t *record);
-/* Runs a step; the bytes of stack that it took. */
+/* Runs a step; returns the bytes of stack that it used. */
 uint32_t subject_stack(void);
 
-/* Supplied by harness.c. */
+/* Functions of harness.c. */
 
-/* xorshift32: 1 .. 2^32 - 1. */
+/* Returns the next number of xorshift32: 1 .. 2^32 - 1. */
 uint32_t harness_draw(void);
 void harness_fold(uint32_t word);
 void harness_measured(uint16_t section, uint32_t elapsed);
-/* Never returns but on the host. */
+/* Returns only on the host. */
 int harness_main(void);
 
 #endif

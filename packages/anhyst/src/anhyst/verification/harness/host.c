@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The harness as a process: requests in on standard input, boxes out on standard output.
-
-   A request is the part of the box that the host fills, followed by the window. */
+/* Port for the host, as a process: requests come from standard input, and boxes go to standard
+ * output.
+ *
+ * A request is the part of the box that the host fills, followed by the window. */
 #include <stddef.h>
 #include <stdio.h>
 
@@ -13,7 +14,7 @@ static int served = 0;
 
 void harness_wait(void)
 {
-  /* The box is volatile for the targets' sake; here nobody else touches it. */
+  /* The box is volatile for the targets; on the host, no other thread accesses it. */
   harness_box_layout *box = (harness_box_layout *)(uintptr_t)&harness_box;
   if (served && (fwrite(box, sizeof *box, 1, stdout) != 1 || fflush(stdout) != 0)) {
     harness_box.mode = QUIT;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the controller of a stage takes of <math.h>, for processors without a library. */
+/* Functions of <math.h> that the controller of a stage uses, for processors without a library. */
 float sqrtf(float x);
 float fabsf(float x);
 

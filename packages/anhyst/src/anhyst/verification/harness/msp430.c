@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* MSP430 under mspdebug's simulator, with two timers as its clock: one counts cycles, the other
-   eighths of them, so that a wrap of the first is not missed.
-
-   Also what a C compiler calls that this processor lacks: long multiplication (by the 16x16
-   hardware multiplier), division and long shifts. */
+/* Port for an MSP430 in mspdebug's simulator. Two timers form its clock: one counts cycles, and the
+ * other counts eighths of them, so that an overflow of the first is detected.
+ *
+ * The file also contains functions that a C compiler calls and this processor lacks: long
+ * multiplication (with the 16x16 hardware multiplier), division and long shifts. */
 #include "freestanding.h"
 #include "harness.h"
 
@@ -12,8 +12,8 @@
 #define FAST_COUNT REGISTER(0x0170)
 #define SLOW_CONTROL REGISTER(0x0180)
 #define SLOW_COUNT REGISTER(0x0190)
-#define TIMER_RUN 0x0224U     /* processor's clock, from 0 to 0xFFFF over and over, cleared */
-#define TIMER_EIGHTHS 0x00C0U /* of the clock */
+#define TIMER_RUN 0x0224U     /* clock of the processor, continuous from 0 to 0xFFFF, cleared */
+#define TIMER_EIGHTHS 0x00C0U /* an eighth of the clock */
 #define TIMER_STOP 0x0000U
 
 #define MULTIPLY_UNSIGNED REGISTER(0x0130)
@@ -47,18 +47,18 @@ __attribute__((noinline)) void harness_clock_start(void)
   FAST_CONTROL = TIMER_RUN;
 }
 
-/* Right up to 2^19 - 2^15 cycles. */
+/* Exact up to 2^19 - 2^15 cycles. */
 __attribute__((noinline)) uint32_t harness_clock_stop(void)
 {
   FAST_CONTROL = TIMER_STOP;
   SLOW_CONTROL = TIMER_STOP;
   const uint32_t exact = FAST_COUNT;
   const uint32_t rough = (uint32_t)SLOW_COUNT << 3;
-  /* The number that ends in the exact count and is nearest to the rough one. */
+  /* The number with the low bits of the exact count that is nearest to the rough count. */
   return rough + (uint32_t)(int32_t)(int16_t)(uint16_t)(exact - rough);
 }
 
-/* Two more than here: the return address of this very call. */
+/* The return address of this call takes 2 bytes. */
 __attribute__((noinline)) uintptr_t harness_stack_pointer(void)
 {
   uintptr_t sp;

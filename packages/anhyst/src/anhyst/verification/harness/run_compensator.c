@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the harness runs: a compensator, and beside it a PIDD2 on signals of its own. */
+/* Runs a compensator in the harness, and a PIDD2 in parallel with its own signals. */
 #include "anhyst/control/pidd2.h"
 #include "signals.h"
 #include "steps.h"
 
 #define PHASE_STEPS 128U
 
-/* What the generator is at: q30 within -1..1, so that sums of two cannot overflow. */
+/* State of the generator: q30 within -1..1, so that sums of two numbers cannot overflow. */
 typedef struct {
   int32_t demand;
   int32_t gap;
-  int32_t target;   /* of the nested loops */
+  int32_t target;   /* target of the nested loops */
   uint32_t demands; /* kind of demand in this phase */
   uint32_t gaps;    /* kind of gap in this phase */
 } generator;
@@ -18,21 +18,22 @@ typedef struct {
 typedef struct {
   signal demand, gap, applied, applied_gap;
   uint32_t how;
-  int32_t reference, position, load; /* of the position controller, q31 */
+  int32_t reference, position, load; /* of the PIDD2, q31 */
 } input;
 
 static compensator_state compensator;
 static generator inputs;
 static input in;
 
-/* Gains of the size a levitated mass at some 10 kHz has; with inputs over the full range every
-   term saturates now and then. */
+/* Typical gains for a levitated mass at about 10 kHz. With inputs over the full range, each term
+ * saturates occasionally. */
 static const anhyst_pidd2_gains_q31 gains = {{20000, 1},  {24000, -6}, {-30000, 5}, {-17000, 6},
                                              {16384, -2}, {20000, -4}, {-28000, 0}, {-20000, 0},
                                              -8000,       0,           -2000000000, 2000000000};
 static anhyst_pidd2_state_q31 controller;
 
-/* Loops inside one another: runs to a target, then to one on the other side, nearer to zero. */
+/* Generates nested loops: moves to a target, and then to one on the other side that is closer to
+ * zero. */
 static int32_t nested(int32_t demand)
 {
   const int32_t stride = Q30_ONE / 24;
@@ -59,9 +60,9 @@ static int32_t next_demand(int32_t demand)
     return draw_q30(0);
   case 3: /* nested loops */
     return nested(demand);
-  case 4: /* reversals about a drifting place */
+  case 4: /* reversals about a drifting level */
     return inputs.target / 2 + draw_q30(5);
-  default: /* a ramp that turns at random, then and now between the ends */
+  default: /* a ramp that reverses at random */
     if (harness_draw() % 64 == 0) {
       inputs.target = -inputs.target;
     }
@@ -77,11 +78,12 @@ static int32_t next_gap(int32_t gap)
   case 1:
     return gap + draw_q30(9);
   default:
-    return draw_q30(0); /* half of them below the range */
+    return draw_q30(0); /* half of the values are below the range */
   }
 }
 
-/* What was applied when it is not what was solved: another current, another gap, or both. */
+/* Selects the applied current: the solved one, the rounded one, or another current, sometimes at
+ * another gap. */
 static void choose_applied(void)
 {
   const uint32_t kind = harness_draw() % 16;
@@ -109,8 +111,8 @@ void subject_draw(uint32_t step)
   choose_applied();
 }
 
-/* The position controller, on signals of its own: what it answers does not reach the compensator,
-   so that a difference in one of them does not spread to the other. Returns what was counted. */
+/* Runs the PIDD2 with its own signals. Its output does not affect the compensator, so that a
+ * difference in one of them does not spread to the other. Returns the counted cost. */
 static uint32_t control(const input *at, uint32_t *record)
 {
   anhyst_pidd2_candidate_q31 candidate;
@@ -129,7 +131,7 @@ static uint32_t control(const input *at, uint32_t *record)
   return elapsed;
 }
 
-/* What is applied where this was solved. */
+/* Returns the applied current for a solved current. */
 static signal applied_of(const input *at, signal current)
 {
   if (at->how == HARNESS_AS_GIVEN) {
@@ -143,7 +145,7 @@ static signal applied_gap_of(const input *at)
   return at->how == HARNESS_AS_GIVEN ? at->applied_gap : at->gap;
 }
 
-/* What kind of commit it is, for the clock. */
+/* Returns the clock section of the commit. */
 static uint16_t commit_section(const input *at, uint32_t flags)
 {
   if (at->how == HARNESS_AS_GIVEN) {
@@ -155,7 +157,7 @@ static uint16_t commit_section(const input *at, uint32_t flags)
   return at->how == HARNESS_ON_GRID ? HARNESS_COMMIT_ROUNDED : HARNESS_COMMIT_SOLVED;
 }
 
-/* Solve and commit. Returns what the clock counted, its own share included. */
+/* Runs solve and commit. Returns the counted cost, including that of the clock. */
 static uint32_t compensate(const input *at, uint32_t *record, uint16_t *section)
 {
   harness_clock_start();
@@ -209,7 +211,7 @@ void subject_start(void)
   harness_box.status = (uint32_t)(int32_t)take_parameters(&compensator);
 }
 
-/* The start-up sequence is part of what is compared: its length, and 64 of its currents. */
+/* Adds the start-up sequence to the hash: its length, and 64 of its currents. */
 void subject_fold_start(void)
 {
   const int32_t length = CONDITIONING_LENGTH(&compensator);
@@ -232,7 +234,8 @@ void subject_read(const volatile uint32_t *row)
   in.load = 0;
 }
 
-/* Bytes of stack that solve and commit of one step use, their return addresses included. */
+/* Returns the bytes of stack that solve and commit of one step use, including their return
+ * addresses. */
 uint32_t subject_stack(void)
 {
   const uintptr_t top = harness_stack_pointer();

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the harness runs: a whole position controller, tick by tick. */
+/* Runs a whole position controller in the harness, tick by tick. */
 #include "anhyst/actuator.h"
 #include "steps.h"
 
@@ -12,10 +12,10 @@
 
 typedef char same_size[(int)HARNESS_AT_END == (int)HARNESS_RECORD_WORDS ? 1 : -1];
 
-/* What the generator is at. */
+/* State of the generator. */
 typedef struct {
   int32_t position;
-  uint32_t way; /* how the position goes in this phase */
+  uint32_t way; /* motion of the position in this phase */
 } generator;
 
 static CONTROLLER() controller;
@@ -32,7 +32,7 @@ void subject_start(void)
   harness_box.status = (uint32_t)(int32_t)CONTROLLER(_init)(&controller);
 }
 
-/* Limits and settings are part of what is compared, as far as they are of one size. */
+/* Adds the limits to the hash, as far as they have the same size on all targets. */
 void subject_fold_start(void)
 {
   const anhyst_position_limits_q31 *limits = &CONTROLLER(_limits);
@@ -51,7 +51,7 @@ static int32_t moved(int32_t position)
   return within(position / 2 + step / 2, limits->low / 2, limits->high / 2) * 2;
 }
 
-/* Lift-off as soon as it may be; the rest now and then. */
+/* Returns frequent commands for a lift-off, and the other commands occasionally. */
 static uint16_t next_command(void)
 {
   const uint32_t kind = harness_draw() % 1024U;
@@ -91,7 +91,7 @@ void subject_read(const volatile uint32_t *row)
   in.command = (uint16_t)(row[HARNESS_AT_EVENT] & 0xFFFFU);
 }
 
-/* By what the controller did at this tick. */
+/* Returns the clock section for the action of the controller in this tick. */
 static uint16_t section(void)
 {
   const uint16_t phase = controller.position.levitation.phase;
@@ -139,7 +139,7 @@ void subject_step(uint32_t *record)
   record[HARNESS_AT_MEMORY_C] = (uint32_t)controller.magnet[0].compensator.memory.number[2];
 }
 
-/* Bytes of stack that a tick uses, its return address included. */
+/* Returns the bytes of stack that a tick uses, including its return address. */
 uint32_t subject_stack(void)
 {
   CONTROLLER(_answer) answer;

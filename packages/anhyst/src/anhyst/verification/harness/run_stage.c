@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the harness runs: the whole controller of a stage, tick by tick. STAGE names its parts and
-   COUNT its numbers. */
+/* Runs the whole controller of a stage in the harness, tick by tick. STAGE returns the names of its
+ * parts, and COUNT returns its macros. */
 #define PAINTED_BYTES 4096U
 #include STAGE_HEADER
 #include "steps.h"
 
-/* A sample and an answer, signal by signal and word by word. */
+/* Sample and answer, as signals and as words. */
 typedef union {
   struct {
     STAGE(_sample) in;
@@ -21,7 +21,7 @@ static tick_of now;
 
 #ifdef STAGE_CODES
 
-/* Uniform over -most..most. */
+/* Returns a uniform random number in -most..most. */
 static int32_t draw(int32_t most) { return (int32_t)((int64_t)draw_q30(0) * most / Q30_ONE); }
 
 static void start_drawing(STAGE(_sample) * in)
@@ -30,8 +30,8 @@ static void start_drawing(STAGE(_sample) * in)
   *in = rest;
 }
 
-/* The wrench is about what carries the body, or beyond what there is for a while; now and then a
-   gap is one that cannot be. */
+/* Generates a sample. The wrench is near the weight of the body, or temporarily beyond the largest
+ * wrench. Occasionally a gap is implausible. */
 static void draw_sample(uint32_t step, STAGE(_sample) * in)
 {
   static const int32_t rest[COUNT(AXES)] = {0};
@@ -51,9 +51,10 @@ static void draw_sample(uint32_t step, STAGE(_sample) * in)
 
 #else
 
-static float force[COUNT(MAGNETS)]; /* whose wrench is fed forward, of the largest */
+static float force[COUNT(MAGNETS)]; /* forces whose wrench is fed forward, relative to the largest
+                                     */
 
-/* Uniform over -1..1. */
+/* Returns a uniform random number in -1..1. */
 static float draw(void) { return (float)draw_q30(0) / (float)Q30_ONE; }
 
 static void start_drawing(STAGE(_sample) * in)
@@ -64,8 +65,8 @@ static void start_drawing(STAGE(_sample) * in)
   }
 }
 
-/* Forces walk, or jump beyond what there is for a while; now and then a gap is one that cannot
-   be. */
+/* Generates a sample. The forces walk, or temporarily jump over the full range. Occasionally a gap
+ * is implausible. */
 static void draw_sample(uint32_t step, STAGE(_sample) * in)
 {
   const float *pull = STAGE(_settings).layout.pull;
@@ -130,7 +131,7 @@ void subject_step(uint32_t *record)
   }
 }
 
-/* Bytes of stack that a tick uses, its return address included. */
+/* Returns the bytes of stack that a tick uses, including its return address. */
 uint32_t subject_stack(void)
 {
   const uintptr_t top = harness_stack_pointer();

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The compensator under one set of names, whatever the format of its signals.
-
-   HARNESS_IO is 15, 31 or 32: q15, q31 or f32. A word is the 32 bits of a number, fixed or
-   floating. */
+/* Defines one set of names for the compensator in every signal format.
+ *
+ * HARNESS_IO is 15, 31 or 32: q15, q31 or f32. A word contains the 32 bits of a fixed-point or
+ * floating-point number. */
 #ifndef SIGNALS_H
 #define SIGNALS_H
 
@@ -40,13 +40,13 @@ static inline signal signal_of(uint32_t word)
   return as.number;
 }
 
-/* From a q31: the part of a range, and a tenth beyond it so that limits are met too. */
+/* Returns a q31 fraction of a range, times 1.1 so that limits are exceeded too. */
 static inline signal part_of(int32_t a, signal range)
 {
   return (signal)a * (1.1F / 2147483648.0F) * range;
 }
 
-/* The high limit of a signal in its unit. */
+/* Returns the upper limit of a signal in its unit. */
 static inline signal high_of(int limit, int scale)
 {
   return ACTUATOR_PARAMETERS[limit] * ACTUATOR_PARAMETERS[scale];
@@ -68,7 +68,7 @@ static inline signal gap_of(int32_t a)
   return low + part_of(a, ACTUATOR_PARAMETERS[ANHYST_WORD_SCALE_GAP_HIGH] - low);
 }
 
-/* Where a converter of 12 bits between minus and plus the largest current puts it. */
+/* Returns the nearest current of a 12-bit converter between minus and plus the largest current. */
 static inline signal on_grid(signal current)
 {
   const signal step = high_of(ANHYST_WORD_CURRENT_HIGH, ANHYST_WORD_SCALE_CURRENT) / 2048.0F;
@@ -112,7 +112,7 @@ typedef int32_t signal;
 
 static inline uint32_t word_of(signal a) { return (uint32_t)(int32_t)a; }
 
-/* The number whose two's complement the word is, without leaving it to the compiler. */
+/* Returns the number whose two's complement is the word, independent of the compiler. */
 static inline signal signal_of(uint32_t word)
 {
   return (signal)(word <= 0x7FFFFFFFU ? (int32_t)word : -(int32_t)(0xFFFFFFFFU - word) - 1);
@@ -123,7 +123,7 @@ static inline signal demand_of(int32_t a) { return (signal)(a >> SIGNAL_SHIFT); 
 #define current_of demand_of
 #define gap_of demand_of
 
-/* Where a converter of 12 bits puts a current; the highest code is 2047. */
+/* Returns the nearest current of a 12-bit converter; the highest code is 2047. */
 static inline signal on_grid(signal current)
 {
   const int32_t code = (current / ((int32_t)1 << (19 - SIGNAL_SHIFT)) + (current < 0 ? -1 : 1)) / 2;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What subjects have in common: numbers of the generator, and painted stack. */
+/* Functions that all subjects use: random numbers, and painted stack. */
 #ifndef STEPS_H
 #define STEPS_H
 
@@ -11,13 +11,13 @@
 #define PAINTED_BYTES 1024U
 #endif
 
-/* The number whose two's complement is u, without leaving it to the compiler. */
+/* Returns the number whose two's complement is u, independent of the compiler. */
 static inline int32_t as_signed(uint32_t u)
 {
   return u <= 0x7FFFFFFFU ? (int32_t)u : -(int32_t)(0xFFFFFFFFU - u) - 1;
 }
 
-/* Uniform over q30 -1..1, shifted right by n. */
+/* Returns a uniform random q30 number in -1..1, shifted right by n. */
 static inline int32_t draw_q30(uint16_t n)
 {
   const int32_t r = (int32_t)(harness_draw() >> 1) - Q30_ONE;
@@ -32,12 +32,12 @@ static inline int32_t within(int32_t a, int32_t low, int32_t high)
   return a > high ? high : a;
 }
 
-/* q31 of a q30 within -1..1; 1.0 becomes the largest number. */
+/* Converts a q30 number within -1..1 to q31; 1.0 becomes the largest number. */
 static inline int32_t double_q30(int32_t a) { return a >= Q30_ONE ? INT32_MAX : a * 2; }
 
-/* Where to paint from, below a stack pointer; the stack pointer itself where there is no stack to
-   measure. These three are part of the function that calls what is measured: a frame of their own
-   would lie where they paint. */
+/* Returns the lowest address to paint below a stack pointer, or the stack pointer itself if the
+ * stack is not measured. These three functions are inlined into the function that calls the
+ * measured one, because a frame of their own would be in the painted area. */
 static inline __attribute__((always_inline)) uintptr_t painted_from(uintptr_t top)
 {
   const uintptr_t end = harness_stack_end();
@@ -47,7 +47,7 @@ static inline __attribute__((always_inline)) uintptr_t painted_from(uintptr_t to
   return top - end > PAINTED_BYTES ? top - PAINTED_BYTES : end;
 }
 
-/* Volatile, or the compiler calls memset, whose frame lies where it paints. */
+/* Volatile, because otherwise the compiler calls memset, whose frame is in the painted area. */
 static inline __attribute__((always_inline)) void paint(uintptr_t low, uintptr_t top)
 {
   for (uintptr_t at = low; at < top; at++) {
