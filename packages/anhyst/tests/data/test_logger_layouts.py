@@ -1,4 +1,4 @@
-"""The layouts of loggers and oscilloscopes are read right, or refused with what was seen."""
+"""Layouts of loggers and oscilloscopes are read correctly, or refused with the reason."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def test_bias_of_a_magnet_is_found_and_the_loop_is_judged_around_it(bias: float)
     found = inspect(measured)
     assert any(f"has its minimum at {find_bias(measured):.3g} A" in note for note in found.notes)
     assert not any("wrong direction" in text for text in found.warnings)
-    # Around its bias it is the loop of a magnet without one.
+    # Relative to its bias, it is the loop of a magnet without a bias.
     assert found.verdict.width == pytest.approx(0.09, abs=0.03)
     assert found.verdict.single_mean_relative < 0.02
 

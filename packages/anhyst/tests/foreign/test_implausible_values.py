@@ -1,4 +1,4 @@
-"""Values in the wrong unit are warned of once, with the unit that they likely are in."""
+"""Values in the wrong unit cause one warning with the likely unit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def known(tmp_path: Path) -> Model:
 
 
 def warned(folder: Path, content: str, verb: str = "predict") -> list[str]:
-    """Warnings of a verb of use, one a line."""
+    """Return the warnings of a command that uses a model, one for each line."""
     (folder / "model.toml").write_text(model())
     (folder / "in.csv").write_text(content)
     result = quick(verb, "model.toml", "in.csv", "--out", "out.csv", cwd=folder)
@@ -31,7 +31,7 @@ def warned(folder: Path, content: str, verb: str = "predict") -> list[str]:
 
 
 def inspected(folder: Path, header: str, factors: tuple[float, float, float]) -> list[str]:
-    """Warnings about loops whose current, force and gap were multiplied."""
+    """Return warnings about loops whose current, force and gap are multiplied by factors."""
     body = [
         [row[0], *(f"{float(text) * by:.9g}" for text, by in zip(row[1:], factors, strict=True))]
         for row in rows()

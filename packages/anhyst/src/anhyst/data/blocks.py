@@ -1,8 +1,8 @@
 """Split a table at blank lines, comments or invalid rows into loops, and read gaps from comments.
 
-A block of rows is a loop of its own if the input reverses in it and it closes or begins with a
-jump. A comment above a block may state its gap, such as `# gap = 0.5 mm`. Otherwise, all rows are
-one record.
+Blocks of rows are separate loops if the input reverses in each, and either all blocks close or each
+begins with a jump. Otherwise, all rows are one record. A comment above a block may state its gap,
+such as `# gap = 0.5 mm`.
 """
 
 from __future__ import annotations

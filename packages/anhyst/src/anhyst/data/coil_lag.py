@@ -47,7 +47,7 @@ def describe_coil_lag(loopset: Loops) -> str:
             size = f"{lag:.2g} samples" if loop.time is None else f"{1e3 * lag:.2g} ms"
             return (
                 f"{'most' if share > 0.5 else 'a part'} of the loop looks like a lag of about "
-                f"{size} of the {loopset.output.name.replace('_', ' ')} behind the voltage (L/R of "
+                f"{size} of the {loopset.output.name.replace('_', ' ')} after the voltage (L/R of "
                 "a coil), not like hysteresis; record the current instead (a shunt), or measure at "
                 "a tenth of the speed"
             )

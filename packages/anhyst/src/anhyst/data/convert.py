@@ -116,7 +116,7 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
     lengths = [len(signal.values) for part in groups for signal in part.series]
     if not lengths:
         raise InputError(
-            f"{source}: holds nothing that can be written; {'; '.join(complex_notes)}",
+            f"{source}: contains nothing that can be written; {'; '.join(complex_notes)}",
             code="nothing-to-write",
         )
     notes += [*complex_notes, *write_channel_groups(out, groups)]

@@ -311,7 +311,7 @@ def _search_along_path(
 
 
 def _play_basis(drive: FloatArray) -> FloatArray:
-    """Return play operators of the input and hinge functions of them, one column each."""
+    """Return play operators of the input and hinge functions of the operators, one column each."""
     size = (drive - drive.min()) / np.ptp(drive)
     columns = [np.ones_like(size)]
     start = np.full((1, _THRESHOLDS.size), size[0])

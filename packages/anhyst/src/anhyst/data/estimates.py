@@ -85,10 +85,10 @@ def estimate_drift(loop: Loop) -> float | None:
 
 
 def closure_error(loop: Loop) -> float | None:
-    """Return the output at the end of the last full cycle minus that at its start, at equal input.
+    """Return the output at the end of the last full cycle minus the output at its start.
 
-    ``None`` if no state recurs. The start is the first sample if the history is `settled`,
-    otherwise one of the first two reversals.
+    Both outputs are at the same input. ``None`` if no state recurs. The start is the first sample
+    if the history is `settled`, otherwise one of the first two reversals.
     """
     parts = _settled_branches(loop)
     starts = parts[:1] if loop.history.kind == "settled" else parts[1::-1]

@@ -151,7 +151,7 @@ def _map_header(source: str, header: Header, target: str) -> Header:
         )
         if not is_same_unit:
             raise InputError(
-                f"{place}: the file says {header.unit.symbol}, the mapping {mapped.unit.symbol}; "
+                f"{place}: the file states {header.unit.symbol}, the mapping {mapped.unit.symbol}; "
                 f"map it to '{mapped.name}' to convert it",
                 code="units-differ",
             )
@@ -172,7 +172,7 @@ def _require_scales(source: str, headers: list[Header]) -> None:
     if unknown:
         texts = " and ".join(f"'{name}'" for name in unknown)
         raise InputError(
-            f"{source}: {texts}: the unit '{stated}' needs a scale to become what it is mapped to; "
+            f"{source}: {texts}: the unit '{stated}' needs a scale for the quantity to which it is mapped; "
             f"add{scale_advice(headers, unknown)}",
             code="scale-needed",
             key=next(iter(unknown)),

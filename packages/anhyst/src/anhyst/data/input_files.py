@@ -1,6 +1,6 @@
 """Find the files and sidecar files that the reader of loops opens.
 
-A folder stands for all data files in it, except text files that are not tables.
+A folder is replaced by all data files in it, except text files that are not tables.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Check that files without a gap contain loops at the same gap.
+"""Check that files without a stated gap contain loops at one gap only.
 
 Minor loops, other speeds and repeated cycles lie within the branches of the largest loop. A loop at
 another gap lies outside these branches at almost all inputs. If such a loop is found, an error asks

@@ -85,7 +85,7 @@ class Loop:
         if np.ptp(self.input) == 0.0:
             raise InputError(
                 f"loop '{self.label}': the input is constant ({self.input[0]:g}); a loop needs an "
-                "input that goes up and down",
+                "input that increases and decreases",
                 code="input-constant",
                 key=self.label,
             )
@@ -122,7 +122,7 @@ class Loop:
         if not is_measured.all():
             bad_row = int(np.argmin(is_measured))
             raise InputError(
-                f"loop '{self.label}': {name} holds {array[bad_row]:g} at sample {bad_row + 1}: no "
+                f"loop '{self.label}': {name} is {array[bad_row]:g} at sample {bad_row + 1}, which is not a "
                 "measured value; remove the sample",
                 code="not-finite",
                 key=name,

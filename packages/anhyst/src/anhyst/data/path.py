@@ -166,7 +166,7 @@ def refuse_missing(
 
 
 def find_time_reversal(time: FloatArray) -> int | None:
-    """Return the index of the first sample whose time is before that of the previous sample."""
+    """Return the index of the first sample that is earlier than the previous one, or ``None``."""
     back = np.flatnonzero(np.diff(time) < 0.0)
     return int(back[0]) + 1 if back.size else None
 

@@ -144,7 +144,7 @@ def has_loop(drive: FloatArray, rows: slice | NDArray[np.intp]) -> bool:
 
 
 def _plateau_values(plateaus: list[_Plateau]) -> list[float]:
-    """Return the value of each plateau, equal if they agree, rounded well below the scatter."""
+    """Return the value of each plateau, rounded well below the scatter, equal if plateaus agree."""
     levels: list[float] = []
     for plateau in plateaus:
         decimals = max(0, 1 - math.floor(math.log10(plateau.sigma))) if plateau.sigma > 0.0 else 12

@@ -110,7 +110,7 @@ def _check_clipping(loopset: Loops, loop: Loop, name: str) -> list[str]:
         if extreme != 0.0 and share > _MIN_CLIPPED_SHARE:
             output = loopset.output
             warnings.append(
-                f"{name}: the {output.name.replace('_', ' ')} stays at {extreme:.6g} {output.unit} "
+                f"{name}: the {output.name.replace('_', ' ')} is constant at {extreme:.6g} {output.unit} "
                 f"over {share:.0%} of the {loopset.input.name}'s range: the sensor is clipped, and "
                 "the model will be wrong there; measure again with a larger range of the sensor"
             )

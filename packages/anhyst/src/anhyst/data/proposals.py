@@ -93,7 +93,7 @@ def advise_mapping(
                if has_qualifier(headers[column].name)]  # fmt: skip
     object_text = "it" if len(found) == 1 else "them"
     if doubted:
-        object_text = f"{object_text}, if {' and '.join(doubted)} can replace what was measured"
+        object_text = f"{object_text}, if {' and '.join(doubted)} can replace the measured value"
     return f"{note}; or map {object_text}: {_mapping_options(headers, found)}"
 
 

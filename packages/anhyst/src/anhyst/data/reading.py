@@ -460,7 +460,7 @@ def _cut_into_loops(
 
 
 def _fill_in_histories(parts: list[SourceLoops]) -> list[SourceLoops]:
-    """Replace histories that were not stated by those that the data suggest, and add notes."""
+    """Propose histories from the data where none was stated, and add notes."""
     loops = [loop for part in parts for loop in part.loops]
     is_unstated = [
         index in part.without_history for part in parts for index in range(len(part.loops))
@@ -511,7 +511,7 @@ def _group_rows(columns: _Columns) -> list[Rows]:
 
 
 def _split_by_schedule(columns: _Columns, values: FloatArray, rows: Rows) -> list[Rows]:
-    """Split rows of one label at steps of the scheduling value; return all rows if it varies."""
+    """Split rows of one label at steps of the scheduling value, unless it varies continuously."""
     steps = np.flatnonzero(np.diff(values) != 0.0) + 1
     run_count = steps.size + 1
     if run_count == 1:
@@ -561,7 +561,7 @@ def _make_loop(columns: _Columns, rows: Rows) -> Loop:
     if time is not None and (fault_row := find_time_reversal(time)) is not None:
         raise InputError(
             f"{columns.locate_row(int(rows[fault_row]))}: time going backwards ({time[fault_row]:g} s after "
-            f"{time[fault_row - 1]:g} s); sort the rows, or tell loops apart by a column 'loop'",
+            f"{time[fault_row - 1]:g} s); sort the rows, or distinguish the loops by a column 'loop'",
             code="time-backwards",
         )
     time = time if columns.has_times else None

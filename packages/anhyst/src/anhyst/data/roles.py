@@ -411,11 +411,11 @@ def find_label(
             rows_of_label[index] = loops
     for header in (headers[index] for index in rows_of_label if schedule is None):
         # As a label, a gap or a temperature would have no effect.
-        otherwise = f'a mere label: --loop "{header.text}"'
+        alternative = f'if it is only a label: --loop "{header.text}"'
         if can_be_gap(header):
-            ask_for_gap(source, header, headers, "gap", otherwise)
+            ask_for_gap(source, header, headers, "gap", alternative)
         if header.unit is not None and header.unit.dimension == "temperature":
-            ask_for_gap(source, header, headers, "temperature", otherwise)
+            ask_for_gap(source, header, headers, "temperature", alternative)
     if not rows_of_label:
         return None
     first_column = next(iter(rows_of_label))
@@ -431,7 +431,7 @@ def find_label(
 
 
 def _label_runs(column: Texts, schedule: FloatArray | None) -> list[Rows] | None:
-    """Return the rows of each loop; ``None`` if a value has several runs at a scheduling value."""
+    """Return the rows of each loop; ``None`` if a value has several runs at one scheduling value."""
     if np.count_nonzero(np.bincount(column.codes)) < 2:
         return None
     is_change = np.diff(column.codes) != 0
@@ -487,14 +487,12 @@ def ask_for_gap(
     source: str, header: Header, headers: Sequence[Header], name: str = "gap", alternative: str = ""
 ) -> NoReturn:
     """Ask whether a column that is constant during each loop is the gap or another quantity."""
-    alternative_text = (
-        alternative
-        or f"no gap: {format_option('columns', current_mapping(headers) | {header.text: ''})}"
-    )
+    without = format_option("columns", current_mapping(headers) | {header.text: ""})
+    alternative = alternative or f"if it is not a gap: {without}"
     unit = "" if header.unit else ", in its unit such as gap_mm or gap_um"
     raise InputError(
-        f"{source}: column '{header.text}' stays through each loop: is it the {name}, then map it"
-        f"{unit}: {mapping_option(header, name, headers)}, or {alternative_text}",
+        f"{source}: column '{header.text}' is constant in each loop; if it is the {name}, map it"
+        f"{unit}: {mapping_option(header, name, headers)}; {alternative}",
         code="label-or-schedule",
         key=header.text,
     )

@@ -16,8 +16,8 @@ from anhyst.support.numeric import FloatArray
 MIN_SPEED_RATIO = 3.0
 """Minimum speed ratio of fast and slow loops of a gap.
 
-Both the cycles per second and the input change per second must have this ratio. A loop that is only
-smaller differs in only one of them.
+Both the cycles per second and the input change per second must have this ratio. A loop of smaller
+amplitude can differ in one of these figures, but not in both.
 """
 MIN_HEIGHT_INCREASE = 0.01
 """Minimum increase of the loop height that counts as rate effect, over the largest output."""
@@ -117,7 +117,7 @@ def _spread_times(time: FloatArray | None) -> FloatArray | None:
 
 
 def describe_rate(loops: Loops) -> str:
-    """Return a sentence on the rate from which loops change; empty if speeds are similar."""
+    """Return a sentence on the rate above which loops change; empty if speeds are similar."""
     speeds = group_by_speed(loops)
     if speeds is None:
         return ""

@@ -1,4 +1,4 @@
-"""Fit curves and play operators of an input to an output, as the best result of a static law."""
+"""Fit curves and play operators of an input to an output, to find the residual of a static law."""
 
 from __future__ import annotations
 

@@ -60,6 +60,7 @@ SLOPE_WINDOW_SHARE = 0.25
 END_SLOPE_SHARE = 0.1
 """Share of the known levels that determine the slope beyond the last one."""
 SMOOTHING_DEGREE = 5
+"""Degree of the polynomial that is subtracted before smoothing."""
 SMOOTHING_LEVELS = 11
 """Number of levels in the smoothing window."""
 MIN_SLOPE_SHARE = 0.01

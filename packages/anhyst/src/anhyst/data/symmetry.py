@@ -1,9 +1,10 @@
 """Detect whether an output is even in its input (butterfly), and the bias of a force.
 
-The laws describe an output that increases with its input, or the square of one. For bipolar
-records, the average rising and falling curves show the symmetry. The falling curve of an even
-output is the mirror image of the rising curve. That of an odd output is its point reflection. A
-force has its minimum where the flux is zero; a magnet or a second coil shifts this minimum.
+The laws describe an output that increases with its input, or the square of such an output. For
+bipolar records, the average rising and falling curves show the symmetry. The falling curve of an
+even output is the mirror image of the rising curve. The falling curve of an odd output is its point
+reflection. A force has its minimum where the flux is zero; a magnet or a second coil shifts this
+minimum.
 """
 
 from __future__ import annotations

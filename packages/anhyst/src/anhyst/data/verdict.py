@@ -43,7 +43,7 @@ class Verdict:
     """Gain of a hysteresis model over the best single-valued curve.
 
     Figures of the output are in SI units. Relative figures of the output refer to `largest_output`,
-    those of the input to its largest range.
+    and relative figures of the input to its largest range.
     """
 
     level: Level  # ``unknown`` if dynamics cause the loop

@@ -61,7 +61,7 @@ ReadSeconds = Callable[[Channel], FloatArray]
 def find_shared_clock(
     source: str, channels: Sequence[Channel], seconds: ReadSeconds
 ) -> tuple[Clock, tuple[str, ...]]:
-    """Return the finest clock of some channels, over the time that all of them cover, and notes."""
+    """Return the finest clock of some channels, limited to their common time range, and notes."""
     clocks = list(dict.fromkeys(channel.clock for channel in channels if channel.clock is not None))
     unclocked = [channel for channel in channels if channel.clock is None and channel.length != 1]
     channel_by_length = {channel.length: channel for channel in (*unclocked, *clocks[:1])}
@@ -175,7 +175,7 @@ class ChannelTable:
     """The channels of a file as columns.
 
     If the file has clocks, column 0 is the time. Channels on several clocks are interpolated to the
-    finest clock of those that are read. A channel of one sample is a constant.
+    finest clock of the requested channels. A channel of one sample is a constant.
     """
 
     file: ChannelFile
@@ -361,6 +361,7 @@ _MIN_ADDRESS_SPACE = 4 << 30
 """Limit of the address space in bytes, plus twice the file; libraries reserve unused space."""
 _EXIT_REFUSED = 2
 _EXIT_OUT_OF_MEMORY = 4
+"""Exit codes of the separate process: file refused, memory limit exceeded."""
 _DAMAGE_ADVICE = "the file is damaged or malicious: export it again"
 
 

@@ -85,7 +85,7 @@ class ChannelFile:
             expected = channel.length if count is None else min(count, channel.length)
             if values.shape != (expected,):
                 raise InputError(
-                    f"{self.path}: channel '{channel.full_name}' holds {values.size} of its "
+                    f"{self.path}: channel '{channel.full_name}' contains {values.size} of its "
                     f"{expected} samples; the file is damaged",
                     code="damaged-file",
                     key=channel.full_name,
@@ -254,7 +254,7 @@ def file_sha256(path: Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Texts:
-    """A text column: its distinct values, and the index of the value of each row."""
+    """A text column: its distinct values, and for each row the index of its value."""
 
     values: tuple[str, ...]
     codes: NDArray[np.int32]
@@ -406,7 +406,9 @@ class MemoryTable:
             try:
                 columns[index] = np.array(self.columns[index], dtype=np.float64)
             except (TypeError, ValueError):
-                text = f"{self.source_name}: column '{self.header[index]}' holds text, not numbers"
+                text = (
+                    f"{self.source_name}: column '{self.header[index]}' contains text, not numbers"
+                )
                 raise TextInNumbersError(
                     text, column=index, code="text-in-numbers", key=self.header[index]
                 ) from None

@@ -101,7 +101,7 @@ def read_layout(path: PathLike, min_columns: int, kind: type[Kind]) -> Kind:
         except HeadTooShortError:
             continue
     raise InputError(
-        f"{path}: the first {_HEAD_BYTES[-1] >> 20} MiB hold no row of data: no table",
+        f"{path}: the first {_HEAD_BYTES[-1] >> 20} MiB contain no data row, so there is no table",
         code="no-table",
     )
 
@@ -127,7 +127,7 @@ def _find_layout(
         if not is_complete:
             raise HeadTooShortError
         raise InputError(
-            f"{path}: holds no table, only blank lines and comments; {HEADER_ADVICE}",
+            f"{path}: contains no table, only blank lines and comments; {HEADER_ADVICE}",
             code="no-table",
         )
     if table is None:

@@ -112,7 +112,7 @@ class MatGuard:
                 raise self._damage_error("has a part that is larger than its container")
             self._parts += 1
             if self._parts > _MAX_PARTS:
-                raise self._damage_error(f"holds more than {_MAX_PARTS} parts")
+                raise self._damage_error(f"contains more than {_MAX_PARTS} parts")
             yield kind, body[begin : begin + size]
             offset += step
 
@@ -141,9 +141,9 @@ class MatGuard:
             self._check_members(parts, kind, count, depth)
         elif kind == _CLASS_CHAR:
             if count > len(body):
-                raise self._damage_error("has a text that is longer than what is there")
+                raise self._damage_error("has a text that is longer than its content")
         elif kind in _NUMERIC_CLASSES and kind != 5 and count > len(body):
-            raise self._damage_error("has an array that is larger than what is there")
+            raise self._damage_error("has an array that is larger than its content")
 
     def _check_members(
         self, parts: Iterator[tuple[int, memoryview]], kind: int, count: int, depth: int
@@ -158,14 +158,14 @@ class MatGuard:
                 raise self._damage_error("has a structure without names of fields")
             fields = len(names) // width if width > 0 else 0
             if count > _MAX_PARTS:
-                raise self._damage_error(f"holds more than {_MAX_PARTS} parts")
+                raise self._damage_error(f"contains more than {_MAX_PARTS} parts")
         present = 0
         for number, content in parts:
             present += 1
             if number == _TYPE_MATRIX:
                 self._check_matrix(content, depth + 1)
         if present < count * fields:
-            raise self._damage_error("has a structure with fewer parts than it says")
+            raise self._damage_error("has a structure with fewer parts than it states")
 
     def _read_integers(self, parts: Iterator[tuple[int, memoryview]], code: str) -> tuple[int, ...]:
         content = self._next_part(parts)

@@ -107,7 +107,9 @@ def classify_rows(texts: Iterable[str], layout: Layout, first_line: int = 0) -> 
 
 
 def _mark_as_statistics(row: TextRow) -> TextRow:
-    remark = f"line {row.line} is left out, because it holds statistics: '{' '.join(row.fields)}'"
+    remark = (
+        f"line {row.line} is left out, because it contains statistics: '{' '.join(row.fields)}'"
+    )
     return replace(row, is_sample=False, remark=remark)
 
 
