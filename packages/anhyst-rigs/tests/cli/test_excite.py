@@ -83,7 +83,7 @@ def test_what_cannot_be_measured_or_written_is_one_line(tmp_path: Path) -> None:
     message = refused(
         "excite", "--calibrate", "rig.toml", "-o", "run.csv", "--port", "COM1", cwd=tmp_path
     )
-    assert says(message, "option-not-for-this --calibrate: virtual")
+    assert says(message, "option-not-for-this --calibrate: simulated")
     message = refused("excite", "rig.toml", "--out", "new.txt", cwd=tmp_path)
     assert says(message, "wrong-ending")
     text = (tmp_path / "rig.toml").read_text()

@@ -156,7 +156,9 @@ def test_a_disk_that_is_really_full_is_reported(folder: Path) -> None:
         [*COMMAND, "predict", "good.toml", "long.csv", "--out", "disk/force.csv", *options],
         read_only=False,
     )
-    assert says(message, "cannot-be-written: disk/force.csv; No space left on device; free some space")
+    assert says(
+        message, "cannot-be-written: disk/force.csv; No space left on device; free some space"
+    )
 
 
 def test_a_read_only_disk_is_reported(folder: Path) -> None:

@@ -180,7 +180,9 @@ def test_the_report_shows_offsets_and_what_to_expect(place: Path, hard: tuple[Mo
 def test_offsets_and_the_expected_error_are_printed(place: Path) -> None:
     loops = MAGNETS["soft"].write_loops(place / "again.csv")
     done = quick("identify", loops, "--law", "effective-field", "--out", "again.toml", cwd=place)
-    assert "offsets of input and output: none, because the loops do not require any" in unwrapped(done.stdout)
+    assert "offsets of input and output: none, because the loops do not require any" in unwrapped(
+        done.stdout
+    )
     assert "expected between the measured values" in unwrapped(done.stdout)
 
 

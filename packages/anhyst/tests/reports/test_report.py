@@ -211,10 +211,10 @@ def test_hysteresis_is_drawn_by_itself(subject: ModelSubject) -> None:
 
 
 def test_the_head_reports_figures_verdict_and_acceptance(page: Page) -> None:
-    assert "Worth it. The model misses the measured force by" in page.text
+    assert "Worth it. The mean error of the modelled force is" in page.text
     assert "Acceptance test passed. At every drive the output rises as the gap closes" in page.text
     assert "Best single-valued curve" in page.text
-    assert "Seen to hold for current 0 to 3 A; force 0 to 150 N; gap 0.3 to 0.6 mm." in page.text
+    assert "Valid range: current 0 to 3 A; force 0 to 150 N; gap 0.3 to 0.6 mm." in page.text
     assert "mean deviation" in page.text
     assert "% of the largest force" in page.text
 
@@ -222,7 +222,7 @@ def test_the_head_reports_figures_verdict_and_acceptance(page: Page) -> None:
 def test_the_page_reports_reduction_uncertainty_and_origin(page: Page, folder: Path) -> None:
     assert "c_F 0.30 %, k 0.35 %" in page.text
     assert "0.150 ± 0.080 53 %" in page.text
-    assert "What the data leave open" in page.text
+    assert "What the data do not determine" in page.text
     assert "It predicts best." in page.text
     assert "anhyst 1.2.3" in page.text
     for source in magnet(folder).provenance.sources:
@@ -250,7 +250,7 @@ def test_a_model_without_gap_has_no_sections_about_one(tmp_path: Path) -> None:
     text, _ = report_of(iron_sample(tmp_path), tmp_path)
     page = Page(text)
     assert page.sections() == ["loops", "residuals", "parameters", "measurement", "origin"]
-    assert "does not run over a gap" in page.text
+    assert "does not depend on a gap" in page.text
     assert "H iron" in page.text  # not to be mixed up with the H that is applied
 
 
@@ -344,7 +344,7 @@ def test_a_model_worse_than_a_curve_without_memory_says_so(
 
 
 @pytest.mark.parametrize(
-    ("level", "title"), [("yes", "Worth it"), ("little", "Gains little"), ("no", "Hardly worth it")]
+    ("level", "title"), [("yes", "Worth it"), ("little", "Small gain"), ("no", "Barely worth it")]
 )
 def test_the_verdict_is_that_of_the_measurement(
     subject: ModelSubject, level: Level, title: str
@@ -356,7 +356,7 @@ def test_the_verdict_is_that_of_the_measurement(
     ).notes[0]
     assert reported.title == title
     assert reported.tone == ("good" if level == "yes" else "warn")
-    assert "% of that error away" in reported.text.replace("\xa0", " ")
+    assert "% of the error of the curve" in reported.text.replace("\xa0", " ")
     assert (GAIN_ADVICE in reported.text) == (level != "yes")
 
 

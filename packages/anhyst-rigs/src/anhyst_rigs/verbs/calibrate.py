@@ -77,7 +77,7 @@ def warnings(result: Calibration) -> Iterator[str]:
             yield f"{method.name}: {facts[method.name]}; a flux probe would help"
 
 
-def show(result: Calibration, given: Mapping[str, Any]) -> Iterator[OutputPart]:
+def show(result: Calibration, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the terminal output: the estimated parameters, and the fit of each method."""
     from anhyst.cli.printing import TerminalTable
 
@@ -98,8 +98,8 @@ def show(result: Calibration, given: Mapping[str, Any]) -> Iterator[OutputPart]:
             )
     yield rows
     yield from (f"{name}: {text}" for name, text in result.facts().items())
-    if given["out"] is not None and result.has_estimates:
-        yield f"written: {given['out']}"
+    if arguments["out"] is not None and result.has_estimates:
+        yield f"written: {arguments['out']}"
 
 
 def refuse(result: Calibration, _: Mapping[str, Any]) -> None:

@@ -121,16 +121,18 @@ def excite(
     return excitation
 
 
-def show(result: Excitation | CalibratingMove, given: Mapping[str, Any]) -> Iterator[OutputPart]:
+def show(
+    result: Excitation | CalibratingMove, arguments: Mapping[str, Any]
+) -> Iterator[OutputPart]:
     """Return the terminal output: the drives or the effect of the motion, and the files written."""
     from anhyst_rigs.study.excite.excite import Excitation
 
     if isinstance(result, Excitation):
         yield from _show_excitation(result)
-        written = [given["out"], given["out"].with_suffix(".toml"), given["plot"]]
+        written = [arguments["out"], arguments["out"].with_suffix(".toml"), arguments["plot"]]
     else:
         yield from _show_move(result)
-        written = [given["out"], given["plot"]]
+        written = [arguments["out"], arguments["plot"]]
     yield from (f"written: {path}" for path in written if path is not None)
 
 

@@ -121,11 +121,11 @@ def warnings(result: Fleet) -> Iterator[str]:
     yield from (f"{name}: {why}" for name, why in result.failed.items())
 
 
-def show(result: Fleet, given: Mapping[str, Any]) -> Iterator[OutputPart]:
+def show(result: Fleet, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the terminal output: the scatter of the parameters and the number of good magnets."""
     from anhyst_rigs.reports.fleet import scatter_table
 
-    out = given["out"]
+    out = arguments["out"]
     if result.spread is not None:
         yield scatter_table(result, result.spread)
     yield from (f"{name}: {text}" for name, text in result.facts().items())

@@ -165,7 +165,7 @@ def warnings(result: Studied) -> Sequence[str]:
     return getattr(plant, "warnings", ())
 
 
-def show(result: Studied, given: Mapping[str, Any]) -> Iterator[OutputPart]:
+def show(result: Studied, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the terminal output of the study."""
     from anhyst.support.kinds import require_capability, rig_kinds
     from anhyst_rigs.reports import plants
@@ -175,7 +175,7 @@ def show(result: Studied, given: Mapping[str, Any]) -> Iterator[OutputPart]:
     from anhyst_rigs.study.benefit import Benefit
     from anhyst_rigs.study.engine.monte_carlo import MonteCarlo
 
-    out = given["out"]
+    out = arguments["out"]
     if isinstance(result, BoardComparison):
         yield from _show_firmware(result, out)
     elif isinstance(result, Benefit):

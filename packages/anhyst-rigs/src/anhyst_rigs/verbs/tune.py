@@ -144,12 +144,12 @@ def as_json(result: Tuning, _: Mapping[str, Any]) -> Mapping[str, Any]:
     return result_dict(result)
 
 
-def show(result: Tuning, given: Mapping[str, Any]) -> Iterator[OutputPart]:
+def show(result: Tuning, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the terminal output: the figures reached, their limits, and the files written."""
     from anhyst.cli.printing import TerminalTable
     from anhyst_rigs.study.tuning.result import column_heads, format_aims, table_rows, verdict_text
 
-    head, out = column_heads(result)[:-1], given["out"]
+    head, out = column_heads(result)[:-1], arguments["out"]
     reached = TerminalTable(f"tuned for {format_aims(result)}", head)
     for row in table_rows(result):
         reached.add_row(*row[: len(head)])

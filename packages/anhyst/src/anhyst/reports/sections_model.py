@@ -116,14 +116,16 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     rows: list[list[str | Cell]] = []
     for order, step in enumerate(steps, start=1):
         costs = sorted((cost, name) for name, cost in step.candidates.items())
-        others = [(cost, names.get(name, name)) for cost, name in costs if name != step.frozen]
-        listed = ", ".join(f"{name} {_format_cost(cost)}" for cost, name in others)
+        alternatives = [
+            (cost, names.get(name, name)) for cost, name in costs if name != step.frozen
+        ]
+        alternatives_text = ", ".join(f"{name} {_format_cost(cost)}" for cost, name in alternatives)
         frozen = Cell(names.get(step.frozen, step.frozen), strong=True)
         bar = step.cost_after / largest_cost if largest_cost else None
         after = Cell(format_percent(step.cost_after, 3), bar=bar)
         rise = format_percent(step.cost_after - step.cost_before, 2)
         before = format_percent(step.cost_before, 3)
-        rows.append([str(order), frozen, listed or "none", before, after, rise])
+        rows.append([str(order), frozen, alternatives_text or "none", before, after, rise])
     head = ["round", "fixed", "instead of", "before", "after", "rise"]
     freezing = (
         f"{format_percent(step.cost_after)} after fixing {names.get(step.frozen, step.frozen)}"
@@ -339,15 +341,15 @@ def equations_markup(subject: ModelSubject) -> Markup:
     # The field and flux density of the iron need other symbols if input or output use H or B.
     field = symbol_markup("H_iron" if model.input.symbol == "H" else "H")
     flux = symbol_markup("B_iron" if model.output.symbol == "B" else "B")
-    left = Markup("{} − {}").format(drive, names["in_0"]) if is_nonzero("in_0") else drive
+    left_side = Markup("{} − {}").format(drive, names["in_0"]) if is_nonzero("in_0") else drive
     if model.parameters["c_H"] != 1.0:
         form = "{} · ({})" if is_nonzero("in_0") else "{} · {}"
-        left = Markup(form).format(names["c_H"], left)
-    right = field
+        left_side = Markup(form).format(names["c_H"], left_side)
+    right_side = field
     if is_nonzero("rho"):
-        right += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux)
+        right_side += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux)
     if is_nonzero("gamma"):
-        right += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux)
+        right_side += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux)
     output = Markup("{}{}").format(flux, Markup("<sup>2</sup>") if model.power == 2 else "")
     if model.parameters["c_out"] != 1.0:
         output = Markup("{} · {}").format(names["c_out"], output)
@@ -355,7 +357,7 @@ def equations_markup(subject: ModelSubject) -> Markup:
         output += Markup(" + {}").format(names["out_0"])
     return Markup(
         '<span class="formula">{} = {}</span> <span class="formula">{} = {}</span>'
-    ).format(left, right, answer, output)
+    ).format(left_side, right_side, answer, output)
 
 
 def symbol_markup(name: str) -> Markup:
@@ -419,10 +421,12 @@ def _correlation_text(uncertainty: Uncertainty) -> str:
         ),
         reverse=True,
     )
-    strongest = (f"{one} with {two} {format_number(value, 3)}" for _, one, two, value in pairs[:3])
-    named = "; ".join(strongest)
+    strongest = (
+        f"{first} with {second} {format_number(value, 3)}" for _, first, second, value in pairs[:3]
+    )
+    pairs_text = "; ".join(strongest)
     text = f"Heat map of {len(uncertainty.names)} by {len(uncertainty.names)} correlations"
-    return f"{text}, the strongest: {named}." if named else f"{text}."
+    return f"{text}, the strongest: {pairs_text}." if pairs_text else f"{text}."
 
 
 def section_origin(subject: ModelSubject, file_name: str, file_hash: str) -> Section:
@@ -459,5 +463,5 @@ def section_origin(subject: ModelSubject, file_name: str, file_hash: str) -> Sec
 
 
 def _setting_name(key: str) -> str:
-    plain = key.removeprefix(SETTING_PREFIX).replace("_", " ")
-    return f"reading: {plain}" if key.startswith(SETTING_PREFIX) else plain
+    name = key.removeprefix(SETTING_PREFIX).replace("_", " ")
+    return f"reading: {name}" if key.startswith(SETTING_PREFIX) else name

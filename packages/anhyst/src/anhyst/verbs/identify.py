@@ -148,25 +148,27 @@ def _checkpoint_path(out: Path) -> Path | None:
     return out.with_name(f"{out.name}.checkpoint")
 
 
-def stopped(given: Mapping[str, Any]) -> str:
+def stopped(arguments: Mapping[str, Any]) -> str:
     """Return the message after Ctrl-C if there is no model yet."""
-    return f"too early for a model; nothing was written{_continuation_text(given)}"
+    return f"too early for a model; nothing was written{_continuation_text(arguments)}"
 
 
-def _continuation_text(given: Mapping[str, Any]) -> str:
+def _continuation_text(arguments: Mapping[str, Any]) -> str:
     """Return the hint that the same command continues the search; empty if it does not."""
-    checkpoint = _checkpoint_path(given["out"]) if given["search"] == "paper" else None
+    checkpoint = _checkpoint_path(arguments["out"]) if arguments["search"] == "paper" else None
     can_continue = checkpoint is not None and checkpoint.exists()
     return "; the same command continues from there" if can_continue else ""
 
 
-def refuse(result: IdentifyResult, given: Mapping[str, Any]) -> None:
+def refuse(result: IdentifyResult, arguments: Mapping[str, Any]) -> None:
     """Raise an error if the search was interrupted or if the model must not be used."""
     from anhyst.support.errors import Interrupted, NegativeResult
 
-    out = given["out"]
+    out = arguments["out"]
     if result.interrupted:
-        raise Interrupted(f"{out} contains the best model until then{_continuation_text(given)}")
+        raise Interrupted(
+            f"{out} contains the best model until then{_continuation_text(arguments)}"
+        )
     if result.acceptance.passed is False:
         failed = result.acceptance.text(result.model.input.unit)
         reasons = "; ".join(filter(None, (failed, result.rejection)))
@@ -175,13 +177,13 @@ def refuse(result: IdentifyResult, given: Mapping[str, Any]) -> None:
         raise NegativeResult(f"{out}: {result.rejection}", code="fit-rejected")
 
 
-def as_json(result: IdentifyResult, given: Mapping[str, Any]) -> dict[str, Any]:
+def as_json(result: IdentifyResult, arguments: Mapping[str, Any]) -> dict[str, Any]:
     """Return the result for ``--json``."""
     from dataclasses import asdict
 
     model = result.model
     return {
-        "out": str(given["out"]),
+        "out": str(arguments["out"]),
         "law": model.law,
         "gap_map": model.gap_map,
         "parameters": dict(model.parameters),
@@ -198,10 +200,10 @@ def as_json(result: IdentifyResult, given: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def show(result: IdentifyResult, given: Mapping[str, Any]) -> Iterator[OutputPart]:
+def show(result: IdentifyResult, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the terminal output: the deviations, the choices and their reasons."""
     model, fit = result.model, result.model.fit
-    yield f"{given['out']}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"
+    yield f"{arguments['out']}: {model.law}, gap map {model.gap_map}, found in {result.seconds:.2g} s"
     yield from _show_fit(model)
     settings = model.provenance.settings
     if reason := settings.get("law_reason"):
@@ -244,7 +246,7 @@ def _show_fit(model: Model) -> Iterator[OutputPart]:
             if expected.left_out == "gap"
             else "at other samples of such loops, but not for other loop sizes"
         )
-        low, high = (100.0 * end for end in expected.interval)
+        low, high = (100.0 * limit for limit in expected.interval)
         yield f"expected error {scope}: {100.0 * expected.error:.3g} % ({low:.2g} to {high:.2g} %)"
     yield from _list_candidates(model)
 
@@ -271,11 +273,13 @@ def _list_candidates(model: Model) -> list[str | TerminalTable]:
     rows = TerminalTable(
         "candidates, the chosen one first", ["law", "gap map", "rms %", "withheld %", "parameters"]
     )
-    for one in shown:
-        note = f" ({one.note})" if one.note else ""
-        left_out = "" if one.left_out is None else f"{100.0 * one.left_out:.3g}"
-        rms = "" if one.rms is None else f"{100.0 * one.rms:.3g}"
-        rows.add_row(f"{one.law}{note}", one.gap_map, rms, left_out, str(one.numbers))
+    for candidate in shown:
+        note = f" ({candidate.note})" if candidate.note else ""
+        left_out = "" if candidate.left_out is None else f"{100.0 * candidate.left_out:.3g}"
+        rms = "" if candidate.rms is None else f"{100.0 * candidate.rms:.3g}"
+        rows.add_row(
+            f"{candidate.law}{note}", candidate.gap_map, rms, left_out, str(candidate.numbers)
+        )
     more = [f"{count_text(hidden, 'more candidate')}: --verbose"] if hidden else []
     return [rows, *more] if ranked else []
 

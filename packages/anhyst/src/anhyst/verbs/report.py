@@ -52,6 +52,6 @@ def warnings(result: tuple[str, ...]) -> tuple[str, ...]:
     return result
 
 
-def as_json(result: tuple[str, ...], given: Mapping[str, Any]) -> dict[str, Any]:
+def as_json(result: tuple[str, ...], arguments: Mapping[str, Any]) -> dict[str, Any]:
     """Return the result for ``--json``."""
-    return {"out": str(given["out"]), "warnings": list(result)}
+    return {"out": str(arguments["out"]), "warnings": list(result)}
