@@ -346,7 +346,8 @@ def _build_script(block: str, part: Part, sources: list[str]) -> str:
     )
 
 
-BRANCH_POINTS, GAP_POINTS = 101, 11
+BRANCH_POINTS = 101
+GAP_POINTS = 11
 
 
 def export_tables(model: Model, out: PathLike) -> Path:

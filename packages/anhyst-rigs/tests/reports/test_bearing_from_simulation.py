@@ -145,7 +145,8 @@ def test_the_map_of_benefit_is_reported_cell_by_cell(small: Path) -> None:
         assert f"{title} against ratio: a significant gain in {gains} of 2 cells" in page.text
         gains = sum(cell.strongest[measure].outcome == "gain" for cell in found.cells)
         assert (
-            f"{title} against the strongest baseline: a significant gain in {gains} of 2" in page.text
+            f"{title} against the strongest baseline: a significant gain in {gains} of 2"
+            in page.text
         )
 
 

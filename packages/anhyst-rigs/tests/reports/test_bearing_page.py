@@ -218,7 +218,9 @@ def test_the_map_says_against_whom_and_where_there_is_no_gain() -> None:
     page = Page(render_bearing(rig(), found, bearing_reports.gains(), "anhyst simulate"))
     assert "Overshoot against ratio: a significant gain in 4 of 4 cells" in page.text
     assert "at best 70 % less than ratio (step of 10 µm, reversible fraction 0.05" in page.text
-    assert "Overshoot against the strongest baseline: a significant gain in 2 of 4 cells" in page.text
+    assert (
+        "Overshoot against the strongest baseline: a significant gain in 2 of 4 cells" in page.text
+    )
     assert "10 % less than single-valued" in page.text
 
 

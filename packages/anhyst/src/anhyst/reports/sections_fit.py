@@ -81,8 +81,9 @@ def section_loops(subject: ModelSubject) -> Section | None:
 VISIBLE_HEIGHT_SHARE = 0.01
 """Increase of the loop height, as a share of the output range, above which the speed is visible."""
 
-_CYCLE_SAMPLES, _SPEED_RATIOS = 200, np.geomspace(1e-3, 1.5, 40)
-"""Samples of a cycle, and the speeds in which is looked, in parts of the fastest measured one."""
+_CYCLE_SAMPLES = 200
+_SPEED_RATIOS = np.geomspace(1e-3, 1.5, 40)
+"""Frequencies of the search for the corner, relative to the fastest measured loops."""
 
 
 def section_rate(subject: ModelSubject) -> Section | None:

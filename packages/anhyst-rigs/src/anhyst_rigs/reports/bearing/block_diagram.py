@@ -202,7 +202,10 @@ def _format_length(value: float) -> str:
 
 
 _BOX_GAP_IN = 0.46
-_LEFT_EDGE_IN, _TOP_ROW_IN, _MIDDLE_ROW_IN, _LOW_ROW_IN = 0.62, 3.95, 1.95, 0.56
+_LEFT_EDGE_IN = 0.62
+_TOP_ROW_IN = 3.95
+_MIDDLE_ROW_IN = 1.95
+_LOW_ROW_IN = 0.56
 _LOAD_HEIGHT_IN = 0.96
 _FIGURE_SIZE_IN = (_LEFT_EDGE_IN + 4 * BOX_WIDTH_IN + 3 * _BOX_GAP_IN + 0.5, 4.8)
 

@@ -39,7 +39,8 @@ from anhyst_rigs.study.engine.table import Interval
 Recordings = Mapping[MethodName, Recording]
 """Recordings of the same scenario, by variant."""
 
-_SHOWN_BEFORE_S, _SHOWN_AFTER_S = 2e-3, 0.02  # shown before and after a step, s
+_SHOWN_BEFORE_S = 2e-3  # time shown before a step
+_SHOWN_AFTER_S = 0.02
 _MAX_SEGMENT_TICKS = 4096  # maximum length of a segment, ticks
 _SPECTRUM_BINS = 120  # number of bins
 
@@ -354,7 +355,8 @@ def _axis_limits(rows: Sequence[FloatArray]) -> tuple[float, float]:
 
 
 _ZONE_COLOURS = ("#E4F2EC", "#FFF7DC", "#FCE6D2", "#F8D7DA")
-_MIN_LEVEL_DB, _MAX_LEVEL_DB = -40.0, 20.0  # dB, at least shown
+_MIN_LEVEL_DB = -40.0
+_MAX_LEVEL_DB = 20.0  # upper end of the axis, unless the peak is higher
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,9 @@ _LINE_STYLES: Mapping[MethodName, tuple[str, Any]] = {
 }
 COLOURS = {name: colour for name, (colour, _) in _LINE_STYLES.items()}
 DASHES = {name: dashes for name, (_, dashes) in _LINE_STYLES.items()}
-_INTERVAL_DIGITS, _MEAN_DIGITS, _MAX_DECIMALS = 2, 4, 3
+_INTERVAL_DIGITS = 2
+_MEAN_DIGITS = 4
+_MAX_DECIMALS = 3
 MAX_CURVE_POINTS = 1200
 """Maximum number of points per curve in a figure."""
 
@@ -158,10 +160,13 @@ def verdict_note(judgement: Judgement) -> Note:
     return Note(_TONE_OF_LEVEL[judgement.level], VERDICT_TITLES[judgement.level], text)
 
 
-BOX_WIDTH_IN, BOX_HEIGHT_IN = 2.02, 1.28
-SOFTWARE_FILL, PLANT_FILL = "#EAF3FA", "#F4F6F8"
+BOX_WIDTH_IN = 2.02
+BOX_HEIGHT_IN = 1.28
+SOFTWARE_FILL = "#EAF3FA"
+PLANT_FILL = "#F4F6F8"
 _BOX_EDGE_COLOUR = "#333333"
-_TITLE_SIZE_PT, _TEXT_SIZE_PT = 8.5, 7.5  # points
+_TITLE_SIZE_PT = 8.5
+_TEXT_SIZE_PT = 7.5
 _LINE_SPACING_IN = 0.155  # distance of lines
 _MAX_TEXT_SHARE = 0.86  # share of the width of a box
 Point = tuple[float, float]
