@@ -260,7 +260,7 @@ def test_another_scheduling_variable_keeps_its_name_and_unit(tmp_path: Path) -> 
     page = Page(text)
     assert "Parameters over the temperature" in page.text
     assert "temperature −20 °C" in page.text
-    assert "this model runs over the temperature" in page.text
+    assert "this model depends on the temperature" in page.text
     assert "reference gaps" not in page.text
     assert "between" in page.sections()
 

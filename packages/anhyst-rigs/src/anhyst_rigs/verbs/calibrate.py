@@ -43,9 +43,9 @@ def calibrate(
     out : path-like, ``FILE``, optional
         Calibration file (TOML) to write.
     magnet : IdentifiedMagnet, optional, only in Python
-        What is known of the magnets; identified from the loops of the rig file if left out.
+        Identified magnets. By default, they are identified from the loops of the rig file.
     methods : sequence of str, only in Python
-        Methods to calibrate; all that the recordings suffice for if left out.
+        Methods to calibrate. By default, all for which the recordings are sufficient.
     controller : ControllerFile or path-like, ``FILE``, optional
         Controller file of a bearing. [default: 'controller.toml' next to the rig file]
 

@@ -76,7 +76,7 @@ def excite(
     port : str, ``PORT``, optional
         The same through a serial port with XCP.
     progress : callable, optional
-        Called with what is done and what there is in all.
+        Called with the work done and the total work.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def excite(
     Raises
     ------
     InputError
-        A file cannot be read or written, a rig gives no loops, or no controller answers.
+        A file cannot be read or written, a rig cannot measure loops, or no controller answers.
 
     Examples
     --------

@@ -75,9 +75,9 @@ def fleet(
         Use the workers of a dask scheduler, such as tcp://host:8786 (extra 'cluster'). They must
         have access to the same files. [default: processes of this machine]
     jobs : int, optional, only in Python
-        Processes of this machine; as many as there are cores if left out.
+        Number of processes on this machine. By default, the number of cores.
     progress : callable, optional
-        Called with magnets done and all.
+        Called with the number of magnets done and the total.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def fleet(
     Raises
     ------
     InputError
-        The folder holds no magnet, or a place cannot be written.
+        The folder contains no magnet, or the output cannot be written.
     NegativeResult
         No magnet could be evaluated.
 

@@ -94,18 +94,18 @@ def simulate(
         Use the workers of a dask scheduler, such as tcp://host:8786 (extra 'cluster'). They must
         have access to the same files. [default: processes of this machine]
     progress : callable, optional
-        Called with what is done and what there is in all.
+        Called with the work done and the total work.
 
     Returns
     -------
     Simulation, TrackingStudy, PiezoTracking or ForceControl
-        Or instead: MonteCarlo, Benefit, BoardComparison. Without `out` nothing is written, and the
-        result has ``save``.
+        With the other options: MonteCarlo, Benefit or BoardComparison. Without `out`, nothing is
+        written before ``save``.
 
     Raises
     ------
     InputError
-        A file cannot be read or does not fit the others, or options do not go together.
+        A file cannot be read or does not fit the others, or options exclude each other.
     NegativeResult
         Levitation was lost before anything could be compared.
 

@@ -87,14 +87,14 @@ def tune(
         Use the workers of a dask scheduler, such as tcp://host:8786 (extra 'cluster'). They must
         have access to the same files. [default: processes of this machine]
     jobs : int, optional, only in Python
-        Processes of this machine; as many as there are cores if left out.
+        Number of processes on this machine. By default, the number of cores.
     progress : callable, optional
-        Called with what is done and what there is in all.
+        Called with the work done and the total work.
 
     Returns
     -------
     Tuning
-        Written even if requirements are missed.
+        The gains. They are written even if a requirement is not fulfilled.
 
     Raises
     ------
@@ -102,9 +102,9 @@ def tune(
         A file cannot be read, written, or does not fit the others; or an option is not for this
         kind of rig.
     NegativeResult
-        No gains hold the body.
+        No gains stabilise the rig.
     Interrupted
-        Ctrl-C, too early for any gains.
+        Ctrl-C before any gains were found.
 
     Examples
     --------

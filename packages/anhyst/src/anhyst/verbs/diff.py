@@ -15,11 +15,11 @@ PLACE = 16, "From measurements to a model"
 
 
 def diff(first: Model | PathLike, second: Model | PathLike) -> ModelDiff:
-    """Show the differences between two models, in their parameters and in newtons.
+    """Show the differences between two models, in their parameters and in their output.
 
     The command compares steady-state loops over the range of the drive in which both models are
-    valid, at the gaps of both models and half-way between. The difference is in the unit of the
-    output (N for a force).
+    valid, at the gaps of both models and midway between them. Differences are in the unit of the
+    output, N for a force.
 
     Parameters
     ----------

@@ -44,8 +44,8 @@ def identify(
 ) -> IdentifyResult:
     """Find the model of an actuator from measured loops.
 
-    All loops at all gaps are fitted together. The model file keeps parameters with units, valid
-    range, fit figures, uncertainty and where it came from.
+    All loops at all gaps are fitted together. The model file contains the parameters with units,
+    the valid range, the fit figures, the uncertainty and the origin.
 
     Exit code 1: the model file is written, but the model must not be used. Either its rms deviation
     exceeds 5 % of full scale and is not noise, or its force does not rise everywhere as the gap
@@ -86,7 +86,7 @@ def identify(
     progress : callable, optional
         Called with the number of stages done and the total.
     checkpoint : path-like, optional, only in Python
-        File that keeps the finished stages of the search 'paper', so that a killed search can
+        File with the finished stages of the search 'paper', so that a stopped search can
         continue. [default: next to `out`]
     **reading
         How files or columns are read: the keywords of `read_loops`, and ``clean``, the cleaning
@@ -95,13 +95,13 @@ def identify(
     Returns
     -------
     IdentifyResult
-        After Ctrl-C the best model so far, marked as interrupted.
+        After Ctrl-C, the best model until then, marked as interrupted.
 
     Raises
     ------
     InputError
-        Loops that cannot be used or cannot be what they claim, or an unknown law, map, search or
-        weighting.
+        The loops cannot be used or contradict their headers, or a law, map, search or weighting is
+        unknown.
     KeyboardInterrupt
         Ctrl-C before there was a model.
 

@@ -44,7 +44,7 @@ def inspect(
     plot : path-like, ``FILE``, optional
         Draw the loops (png, svg or pdf).
     progress : callable, optional
-        Called with bytes read and size of the present file.
+        Called with the bytes read and the size of the current file.
     **reading
         How files or columns are read: the keywords of `read_loops`, and ``clean``, the cleaning
         steps. The loops are not thinned, because that hides noise and delay.
@@ -56,7 +56,7 @@ def inspect(
     Raises
     ------
     InputError
-        The record cannot be what its headers say.
+        The record contradicts its headers.
 
     Examples
     --------

@@ -30,8 +30,8 @@ def report(model: Model | PathLike, out: PathLike = "report.html") -> tuple[str,
     Returns
     -------
     tuple of str
-        What a user should know, one sentence each: measurements that could not be read, figures
-        that are stale, an acceptance test that failed.
+        Warnings, one sentence each: measurements that could not be read, fit figures that are out
+        of date, an acceptance test that failed.
 
     Raises
     ------

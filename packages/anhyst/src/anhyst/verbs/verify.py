@@ -44,17 +44,17 @@ def verify(
     seed : int, only in Python
         Seed of the random steps, 1 to 2^32 - 1.
     progress : callable, optional
-        Called with builds done and their number.
+        Called with the number of builds done and the total.
 
     Returns
     -------
     Verification
-        Differences included: see ``passed``, ``not_run`` and ``missing``.
+        The results on all targets: see ``passed``, ``not_run`` and ``missing``.
 
     Raises
     ------
     InputError
-        The folder is not what compile wrote, a target is unknown, no target can run, or a number
+        The folder was not written by compile, a target is unknown, no target can run, or a number
         is out of range.
 
     Examples
