@@ -175,25 +175,28 @@ def _show_move(result: CalibratingMove) -> Iterator[OutputPart]:
     kinds: dict[str, list[str]] = {}
     for name in move.left:
         kinds.setdefault(re.sub(r"_(\d+|[xyz](?=_m))", "", name), []).append(name)
-    heads = ["posterior / prior sigma", "this motion", "own set-point"]
+    heads = ["posterior / prior sigma", "this motion", "its own set-point"]
     table = TerminalTable(f"{move.duration_s:.2f} s", heads)
     for kind, names in kinds.items():
         sigma_ratios = [
             [f"{item.left[name]:.2f}" for name in names] for item in (move, own_setpoint)
         ]
         table.add_row(
-            kind, *(" to ".join(dict.fromkeys((min(one), max(one)))) for one in sigma_ratios)
+            kind,
+            *(" to ".join(dict.fromkeys((min(ratios), max(ratios)))) for ratios in sigma_ratios),
         )
-    table.add_row("duration, s", *(f"{one.duration_s:.2f}" for one in (move, own_setpoint)))
-    table.add_row("condition number", *(f"{one.condition:.2g}" for one in (move, own_setpoint)))
+    table.add_row("duration, s", *(f"{motion.duration_s:.2f}" for motion in (move, own_setpoint)))
+    table.add_row(
+        "condition number", *(f"{motion.condition:.2g}" for motion in (move, own_setpoint))
+    )
     hidden_by_setpoint = ", ".join(name for name in own_setpoint.hidden if name not in move.hidden)
     yield table
     for axis, leg in result.legs.items():
-        peaks = ", ".join(f"{one:.3g}" for one in leg.peaks)
+        peaks = ", ".join(f"{peak:.3g}" for peak in leg.peaks)
         yield f"{axis}: {peaks} m/s2 at {leg.speed:.3g} m/s"
     yield f"not identifiable: {', '.join(move.hidden) or 'nothing'}"
     yield (
-        f"with the own set-point, not identifiable either: {hidden_by_setpoint}"
+        f"not identifiable with its own set-point: {hidden_by_setpoint}"
         if hidden_by_setpoint
-        else "the own set-point identifies the same parameters"
+        else "its own set-point identifies the same parameters"
     )

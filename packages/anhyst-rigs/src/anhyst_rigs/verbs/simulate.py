@@ -160,7 +160,7 @@ def simulate(
 
 
 def warnings(result: Studied) -> Sequence[str]:
-    """Return the warnings about the simulated plant that the loops give rise to."""
+    """Return the warnings about the simulated plant, which follow from the loops."""
     plant = getattr(result, "plant", None)
     return getattr(plant, "warnings", ())
 

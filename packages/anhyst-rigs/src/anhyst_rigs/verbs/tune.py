@@ -133,7 +133,7 @@ def tune(
 
 
 def warnings(result: Tuning) -> tuple[str, ...]:
-    """Return the warnings about the simulated plant that the loops give rise to."""
+    """Return the warnings about the simulated plant, which follow from the loops."""
     return tuple(result.plant.warnings) if result.plant else ()
 
 

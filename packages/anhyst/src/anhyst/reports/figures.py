@@ -370,7 +370,7 @@ def figure_correlation(uncertainty: Uncertainty) -> Figure:
 def _create_panels(
     groups: list[Group], *, panel_height: tuple[float, float, float], share_y: bool = False
 ) -> tuple[Figure, dict[Axes, Group]]:
-    """Create a figure with one panel per group; of too many groups, evenly spaced ones are drawn.
+    """Create a figure with one panel per group, or per evenly spaced group if there are too many.
 
     The three heights of a panel are for one, two and three columns.
     """

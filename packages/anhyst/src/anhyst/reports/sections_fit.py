@@ -115,7 +115,12 @@ def section_rate(subject: ModelSubject) -> Section | None:
             "grey points, the modelled loops as blue lines.",
             "Measured samples (points) and model (line) at each speed, the slow loops first.",
         ),
-        make_table("Errors by speed", head, rows, f"Of {subject.full_scale_text} of all loops."),
+        make_table(
+            "Errors by speed",
+            head,
+            rows,
+            f"“Of largest”: in % of {subject.full_scale_text} of all loops.",
+        ),
     ]
     return Section("rate", "Rate dependence", tuple(blocks))
 
@@ -284,7 +289,7 @@ def _group_table(subject: ModelSubject, evidence: Evidence) -> list[Block]:
     head = [subject.schedule_name, "samples", scale.heading("mean"), "of largest", scale.heading("rms"),
             scale.heading("worst"), scale.heading("bias rising"), scale.heading("bias falling")]  # fmt: skip
     caption = (
-        f"“Of largest”: of {subject.full_scale_text} of all loops. Bias: mean of model minus "
+        f"“Of largest”: in % of {subject.full_scale_text} of all loops. Bias: mean of model minus "
         "measurement; if its sign differs between rising and falling branches, the modelled "
         "loop is too wide or too narrow."
     )

@@ -38,14 +38,15 @@ from anhyst.support.page import (
 )
 
 GAP_MAP_TEXTS: Mapping[str, str] = {
-    "none": "No parameter depends on it.",
-    "scaling": "The iron is the same everywhere. Only the factor from input to field (c_H) "
-    "depends on it, as in the paper.",
-    "reluctance": "The iron is the same everywhere and has the hysteresis. A reluctance ρ in "
-    "series with it depends on it, as for an air gap.",
-    "circuit": "The iron is the same everywhere and has the hysteresis. A reluctance in series "
-    "with it, the output per flux and the offsets depend on the scheduling variable.",
-    "free": "All parameters can depend on it, those of the iron, too. For fixed values only.",
+    "none": "No parameter depends on the scheduling variable.",
+    "scaling": "The iron is the same everywhere. Only the factor from input to field (c_H) depends on "
+    "the scheduling variable, as in the paper.",
+    "reluctance": "The iron is the same everywhere and has the hysteresis. Only the series reluctance "
+    "ρ depends on the scheduling variable, as for an air gap.",
+    "circuit": "The iron is the same everywhere and has the hysteresis. The series reluctance, the "
+    "output per flux and the offsets depend on the scheduling variable.",
+    "free": "All parameters can depend on the scheduling variable, including those of the iron. This "
+    "map is for fixed values only.",
 }
 
 QUANTITY_MEANINGS: Mapping[str, str] = {
@@ -269,18 +270,17 @@ def _expected_error_text(subject: ModelSubject, validation: CrossValidation) -> 
         return (
             f"Expected at other samples of such loops: mean deviation {format_percent(validation.error)} of the "
             f"largest {subject.output_name}, in nine of ten cases {format_percent(validation.interval[0])} to "
-            f"{format_percent(validation.interval[1])}. Found "
-            f"({fold_errors}) while blocks of samples were withheld from the fit "
-            "and from the choice of the law. It does not apply to loops of other sizes."
+            f"{format_percent(validation.interval[1])}. The "
+            f"errors ({fold_errors}) are from cross-validation: blocks of samples were withheld from "
+            "the fit and the choice of the law. They do not apply to loops of other sizes."
         )
     return (
         f"Expected at a {subject.schedule_name} between those measured: mean deviation "
         f"{format_percent(validation.error)} of {subject.full_scale_text}, in nine of ten cases "
-        f"{format_percent(validation.interval[0])} to {format_percent(validation.interval[1])}. Found "
-        f"({fold_errors}) where "
-        f"the {subject.schedule_name} was left out of the fit, of the choice of the map "
-        f"and of the decision about offsets; "
-        "noise of the sensor is taken off."
+        f"{format_percent(validation.interval[0])} to {format_percent(validation.interval[1])}. The "
+        f"errors ({fold_errors}) are from cross-validation: each {subject.schedule_name} was withheld "
+        "from the fit, the choice of the map and the decision about offsets. They do not include the "
+        "noise of the sensor."
     )
 
 

@@ -21,7 +21,7 @@ PROGRESS = "searching"
 GapMap = Literal["scaling", "reluctance", "circuit", "free", "auto"]
 """Gap maps, or ``auto``: the map with the smallest error at withheld gaps."""
 Weights = Literal["loops", "points", "relative"]
-"""What has equal weight in the cost: loops, samples, or loops relative to their output."""
+"""Items of equal weight in the cost: loops, samples, or loops relative to their output."""
 Search = Literal["default", "paper"]
 """Methods of the search."""
 
