@@ -273,7 +273,7 @@ def _bearing_variables(rig: BodyRig, gaps: tuple[float, float]) -> list[Variable
 
 
 def magnet_variables(force_text: str, count: int) -> list[Variable]:
-    """Return the variables of net force and of each magnet, in the order of ``show_plant``."""
+    """Return the variables of net force and of each magnet, in the order of ``write_plant_outputs``."""
     signals = (
         ("gap", "m", "true gap"),
         ("current", "A", "current"),
