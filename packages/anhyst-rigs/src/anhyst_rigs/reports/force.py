@@ -148,8 +148,8 @@ _DRAWN_ERRORS: Mapping[str, MethodName] = {
 MAX_TITLE_LETTERS = 62
 """Maximum length of a line above a panel, in letters."""
 
-MAX_CURVE_POINTS = 1500
-"""Length of a curve, in samples, above which it is thinned for a figure."""
+MIN_THINNED_POINTS = 1500
+"""A thinned curve has at least this number of points, and less than twice this number."""
 
 
 CAPTIONS: Mapping[str, str] = {
@@ -414,7 +414,7 @@ def _thin_curve(
     rig: ForceControlRig, outcome: ForceOutcome, values: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return time and values with no more points than a figure can show."""
-    step = max(1, values.size // MAX_CURVE_POINTS)
+    step = max(1, values.size // MIN_THINNED_POINTS)
     time = np.asarray((np.arange(values.size) - outcome.trial.demand.lead_in) * rig.dt, np.float64)
     return time[::step], values[::step]
 

@@ -56,7 +56,7 @@ def parameter_unit(model: Model, name: str) -> str:
 
 
 def varying_parameters(model: Model) -> tuple[str, ...]:
-    """Return the names of the parameters that depend on the scheduling variable."""
+    """Return the parameters that depend on the scheduling variable by more than rounding."""
     return tuple(
         name
         for name in model.varying

@@ -109,7 +109,7 @@ class FileProblem:
 
 
 class TomlFileError(InputError):
-    """A file does not fit its schema. The text states the first of its problems in full."""
+    """A file does not fit its schema. `problems` has all faults; the text states the first."""
 
     def __init__(self, path: PathLike, problems: Iterable[FileProblem]) -> None:
         # Missing keys come last: most of them are misspelt, and reported at their line as unknown.
