@@ -1,4 +1,4 @@
-"""The report is one page that needs nothing else, and reports bad news loudly."""
+"""The report is one self-contained page that shows negative results clearly."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ TURNS = (1500.0, 1150.0, 950.0)
 
 
 def rows_of(model: Model, at: float | None, top: float, seed: int) -> list[str]:
-    """Lines of a table: a loop of the model with noise, from 0 (a force) or about 0."""
+    """CSV lines of a loop of the model with noise, with an input from 0 (force) or around 0."""
     low = 0.0 if model.power == 2 else -top
     half = np.linspace(low, top, 60)
     drive = np.concatenate([half, half[-2::-1]])
@@ -51,7 +51,7 @@ def rows_of(model: Model, at: float | None, top: float, seed: int) -> list[str]:
 
 
 def magnet(folder: Path, **changes: object) -> Model:
-    """A model of a magnet over three gaps, its measurements in a file, all its records filled."""
+    """A model of a magnet at three gaps, with its measurements in a file and all fields set."""
     model = Model(
         "magnet",
         QUANTITIES["current"],
@@ -90,7 +90,7 @@ def measured(folder: Path, lines: list[str]) -> Loops:
 
 
 def finished(model: Model, loops: Loops, left_out: Mapping[str, float] | None = None) -> Model:
-    """Give a model the provenance and the fit figures that go with its loops."""
+    """Return a model with the provenance and the fit figures of its loops."""
     sources = tuple(Source(Path(s.path).name, s.sha256, s.columns) for s in loops.sources)
     settings = {"gap_map_reason": "it predicts best", "read_history": "settled"}
     origin = Provenance("1.2.3", 7, sources, settings)
@@ -101,7 +101,7 @@ def finished(model: Model, loops: Loops, left_out: Mapping[str, float] | None = 
 
 
 def iron_sample(folder: Path, schedule: Quantity | None = None) -> Model:
-    """A model from field to flux density, over a temperature or over nothing."""
+    """A model from field to flux density, over a temperature or without a scheduling variable."""
     nodes = (-20.0, 10.0) if schedule else ()
     model = Model(
         "sample",
@@ -202,7 +202,7 @@ def test_hysteresis_is_drawn_by_itself(subject: ModelSubject) -> None:
     drawn = [np.asarray(line.get_ydata()) for ax in figure.axes for line in ax.lines]
     most = max(float(np.abs(values).max()) for values in drawn)
     worst = evidence.verdict.single_worst
-    assert most < 0.3 * largest  # the curve itself is gone
+    assert most < 0.3 * largest  # without the curve itself
     assert most == pytest.approx(worst, rel=0.5)
     ax = figure.axes[0]
     dots, line = np.asarray(ax.lines[1].get_ydata()), np.asarray(ax.lines[2].get_ydata())
@@ -251,7 +251,7 @@ def test_a_model_without_gap_has_no_sections_about_one(tmp_path: Path) -> None:
     page = Page(text)
     assert page.sections() == ["loops", "residuals", "parameters", "measurement", "origin"]
     assert "does not depend on a gap" in page.text
-    assert "H iron" in page.text  # not to be mixed up with the H that is applied
+    assert "H iron" in page.text  # different from the applied field H
 
 
 @pytest.mark.slow
