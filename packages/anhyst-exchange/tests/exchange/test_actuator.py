@@ -65,7 +65,7 @@ def file(model: anhyst.Model, fmu: Fmu) -> Path:
 
 
 def drives(model: anhyst.Model, size: int = 600) -> FloatArray:
-    """Return a drive that decays around zero and is negative half the time."""
+    """Return a drive in the valid range that decays around zero, negative half the time."""
     assert model.valid is not None
     time = np.arange(size) * STEP
     wave = np.sin(300.0 * time) * np.exp(-20.0 * time)
