@@ -77,8 +77,8 @@ def bearing_part(rig_path: PathLike) -> Part:
             controller=controller.path,
         )
         manifest, sources = compiled_sources(folder)
-    own = ("bearing.c", "bearing_controller.c", "bearing_controller.h", "virtual_plant.h")
-    sources = plant_sources("axes|piezo|held", PLANT_CORE_FILES, own) | sources
+    wrapper_files = ("bearing.c", "bearing_controller.c", "bearing_controller.h", "virtual_plant.h")
+    sources = plant_sources("axes|piezo|held", PLANT_CORE_FILES, wrapper_files) | sources
     sources["bearing_numbers.h"] = plant_header(ready.rig).encode()
     sources["controller_numbers.h"] = _controller_header(manifest["name"]).encode()
     title = rig.settings.name
@@ -109,14 +109,14 @@ def plant_sources(
 
     ``core_paths`` are files of the core, and ``wrapper_files`` those of the component itself.
     """
-    found = {path: text.encode() for path, text in core_files(core_paths, memories).items()}
-    found |= {name: (WRAPPER_FOLDER / name).read_bytes() for name in wrapper_files}
+    sources = {path: text.encode() for path, text in core_files(core_paths, memories).items()}
+    sources |= {name: (WRAPPER_FOLDER / name).read_bytes() for name in wrapper_files}
     folder = shipped_folder("anhyst_exchange", "plant", "_plant", "include/anhyst_plant/body.h")
     for path in sorted(folder.rglob("*.[ch]")):
         name = path.relative_to(folder).as_posix()
         if path.name != "bus.c" and not re.search(excluded_pattern, name):
-            found[name.replace("src/", "plant/", 1)] = path.read_bytes()
-    return found
+            sources[name.replace("src/", "plant/", 1)] = path.read_bytes()
+    return sources
 
 
 def c_initialiser(numbers: object) -> str:
@@ -273,7 +273,7 @@ def _bearing_variables(rig: BodyRig, gaps: tuple[float, float]) -> list[Variable
 
 
 def magnet_variables(force_text: str, count: int) -> list[Variable]:
-    """Return the variables of net force and of each magnet, in the order of ``show_plant``."""
+    """Return the variables of net force and of each magnet, in the order of ``write_plant_outputs``."""
     signals = (
         ("gap", "m", "true gap"),
         ("current", "A", "current"),

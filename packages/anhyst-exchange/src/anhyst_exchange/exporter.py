@@ -120,7 +120,9 @@ def compile_all(
 
     binaries = {}
     with ThreadPoolExecutor(core_count()) as pool:
-        jobs: dict[Future[bytes], str] = {pool.submit(compile_one, one): one for one in platforms}
+        jobs: dict[Future[bytes], str] = {
+            pool.submit(compile_one, platform): platform for platform in platforms
+        }
         for count, ready in enumerate(as_completed(jobs), start=1):
             binaries[jobs[ready]] = ready.result()
             if progress is not None:
@@ -344,7 +346,8 @@ def _build_script(block: str, part: Part, sources: list[str]) -> str:
     )
 
 
-BRANCH_POINTS, GAP_POINTS = 101, 11
+BRANCH_POINTS = 101
+GAP_POINTS = 11
 
 
 def export_tables(model: Model, out: PathLike) -> Path:
@@ -365,7 +368,7 @@ def export_tables(model: Model, out: PathLike) -> Path:
         else np.linspace(*valid_range, GAP_POINTS if valid_range[0] < valid_range[1] else 1)
     )
     gaps = [None if model.schedule is None else float(value) for value in schedule_values]
-    loops = [model.settled_loop(one, BRANCH_POINTS) for one in gaps]
+    loops = [model.settled_loop(gap, BRANCH_POINTS) for gap in gaps]
     axes = {model.input.column: loops[0][0][:BRANCH_POINTS]}
     if model.schedule is not None:
         axes = {model.schedule.column: schedule_values} | axes

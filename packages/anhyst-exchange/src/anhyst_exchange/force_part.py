@@ -29,8 +29,10 @@ def force_part(rig_path: PathLike) -> Part:
     rig = complete_rig(rig, loops)
     rate = rig.settings.timing.rate_Hz
     compensator = compensator_part(identify_force_model(rig, loops), rate, "full")
-    others = "axes|piezo|position|body|loop|controller"
-    sources = plant_sources(others, LAW_CORE_FILES, ["force.c"]) | dict(compensator.sources)
+    excluded_pattern = "axes|piezo|position|body|loop|controller"
+    sources = plant_sources(excluded_pattern, LAW_CORE_FILES, ["force.c"]) | dict(
+        compensator.sources
+    )
     # The compensator is a component inside the component of the FMU.
     renamed = b"#define anhyst_the_part anhyst_compensator_part\n"
     sources["compensator_numbers.h"] = renamed + sources["compensator_numbers.h"]
@@ -54,21 +56,21 @@ def _force_header(rig: ForceControlRig, gaps: list[Variable]) -> str:
             rig.settings.steel, circuit_parameters(table.poles, 0.0, 1e-3), solid
         )
     sensors = rig.sensor_parameters(rig.dt)
-    held = {
+    plant = {
         "magnet": magnet,
         **rig.amplifier_parameters(),
         "sensor": [{**sensors[name]} for name in SENSOR_ORDER],
     }
     text = (
         f'#include "anhyst_plant/held.h"\n\n{text}'
-        f"static const anhyst_plant_held force_held = {c_initialiser(held)};\n\n"
+        f"static const anhyst_plant_held force_held = {c_initialiser(plant)};\n\n"
     )
-    ends = (gaps[0].low, gaps[0].high) if gaps else (0.0, 1.0)
+    gap_range = (gaps[0].low, gaps[0].high) if gaps else (0.0, 1.0)
     defined = {
         "FORCE_VOLUMES": volume_count(solid),
         "FORCE_HAS_GAP": len(gaps),
-        "FORCE_GAP_LOW": ends[0],
-        "FORCE_GAP_HIGH": ends[1],
+        "FORCE_GAP_LOW": gap_range[0],
+        "FORCE_GAP_HIGH": gap_range[1],
     }
     return header_text("force_numbers", defined, text)
 
@@ -78,12 +80,12 @@ def _force_variables(
 ) -> list[Variable]:
     """Return the inputs and outputs; the names are those of recordings."""
     gap_text = "true gap; the armature is moved there"
-    ends = (gaps[0].low, gaps[0].high) if gaps else (None, None)
+    gap_range = (gaps[0].low, gaps[0].high) if gaps else (None, None)
     noise_text = "noise that is added to the reading of the sensor"
     reading_text = "reading of its sensor at the tick"
     return [
         Variable("demand_N", "input", "N", "demanded force", 0.0, demand.low, demand.high),
-        Variable("gap_m", "input", "m", gap_text, rig.settings.force.end_m, *ends),
+        Variable("gap_m", "input", "m", gap_text, rig.settings.force.end_m, *gap_range),
         *(
             Variable(
                 f"{name}_noise_{_SENSOR_UNITS[name]}", "input", _SENSOR_UNITS[name], noise_text

@@ -97,11 +97,11 @@ def kernel_expression(kernel: str, words: str) -> str:
     return f"(*({kernel}.for_block != 0 ? {kernel}.for_block({words}) : &{kernel}))"
 
 
-def header_text(name: str, macros: Mapping[str, object], before: str = "") -> str:
+def header_text(name: str, macros: Mapping[str, object], first_lines: str = "") -> str:
     """Return a C header: some lines, then macros."""
     guard = f"{name.upper()}_H"
     lines = "".join(f"#define {key} {value}\n" for key, value in macros.items())
-    return f"/* Generated. */\n#ifndef {guard}\n#define {guard}\n\n{before}{lines}\n#endif\n"
+    return f"/* Generated. */\n#ifndef {guard}\n#define {guard}\n\n{first_lines}{lines}\n#endif\n"
 
 
 FmiVersion = Literal["2.0", "3.0"]
@@ -212,10 +212,12 @@ def _value_attributes(variable: Variable) -> dict[str, str]:
 
 
 def _add_variables_fmi2(root: Xml.Element, variables: Sequence[Variable]) -> None:
-    listed = Xml.SubElement(root, "ModelVariables")
+    variables_element = Xml.SubElement(root, "ModelVariables")
     outputs = []
     for index, variable in enumerate(variables, start=1):
-        scalar = Xml.SubElement(listed, "ScalarVariable", _common_attributes(variable, index))
+        scalar = Xml.SubElement(
+            variables_element, "ScalarVariable", _common_attributes(variable, index)
+        )
         Xml.SubElement(scalar, "Real", _value_attributes(variable))
         outputs += [index] if variable.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
@@ -226,13 +228,15 @@ def _add_variables_fmi2(root: Xml.Element, variables: Sequence[Variable]) -> Non
 
 
 def _add_variables_fmi3(root: Xml.Element, variables: Sequence[Variable]) -> None:
-    listed = Xml.SubElement(root, "ModelVariables")
+    variables_element = Xml.SubElement(root, "ModelVariables")
     time = {"name": "time", "valueReference": "0", "causality": "independent", "unit": "s"}
-    Xml.SubElement(listed, "Float64", time | {"variability": "continuous"})
+    Xml.SubElement(variables_element, "Float64", time | {"variability": "continuous"})
     outputs = []
     for index, variable in enumerate(variables, start=1):
         Xml.SubElement(
-            listed, "Float64", _common_attributes(variable, index) | _value_attributes(variable)
+            variables_element,
+            "Float64",
+            _common_attributes(variable, index) | _value_attributes(variable),
         )
         outputs += [index] if variable.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
@@ -370,8 +374,8 @@ def _actuator_variables(model: Model, middle: float) -> list[Variable]:
     text = "drive, from the beginning of a step"
     variables = [Variable(model.input.name, "input", model.input.unit, text, start, low, high)]
     if model.schedule is not None:
-        ends = model.valid.schedule if model.valid else None
-        low, high = ends or (None, None)
+        schedule_range = model.valid.schedule if model.valid else None
+        low, high = schedule_range or (None, None)
         text = "scheduling variable; the curves of the model are straight lines outside its nodes"
         name, unit = model.schedule.name, model.schedule.unit
         variables.append(Variable(name, "input", unit, text, middle, low, high))
@@ -428,9 +432,9 @@ def compensator_part(model: Model | PathLike, rate: float, kind: Kind) -> Part:
 def compiled_sources(folder: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
     """Return the manifest of a compiled folder, and its C without the example."""
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-    own = [path for part in ("include", "src") for path in (folder / part).rglob("*.[ch]")]
-    own += folder.glob(f"{manifest['name']}_*.[ch]")
-    return manifest, {path.relative_to(folder).as_posix(): path.read_bytes() for path in own}
+    paths = [path for part in ("include", "src") for path in (folder / part).rglob("*.[ch]")]
+    paths += folder.glob(f"{manifest['name']}_*.[ch]")
+    return manifest, {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
 def _compensator_header(manifest: Mapping[str, Any]) -> str:

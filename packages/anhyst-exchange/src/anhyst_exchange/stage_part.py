@@ -124,7 +124,9 @@ def _compensator_macros(setup: StageSetup) -> dict[str, object]:
         "STAGE_KERNEL": kernel_expression(kernel, "words"),
         "STAGE_WORD": blocks[0].c_type,
         "STAGE_WORDS": c_initialiser(words if is_fixed else [repr(word) for word in words]),
-        "STAGE_BLOCKS": c_initialiser([[first_index[one], len(one)] for one in words_of_magnets]),
+        "STAGE_BLOCKS": c_initialiser(
+            [[first_index[block], len(block)] for block in words_of_magnets]
+        ),
     }
     if is_fixed:
         macros["STAGE_CODES"] = c_array_literal([float(numbers[name]) for name in scales])

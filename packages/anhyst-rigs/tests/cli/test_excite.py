@@ -83,7 +83,7 @@ def test_what_cannot_be_measured_or_written_is_one_line(tmp_path: Path) -> None:
     message = refused(
         "excite", "--calibrate", "rig.toml", "-o", "run.csv", "--port", "COM1", cwd=tmp_path
     )
-    assert says(message, "option-not-for-this --calibrate: virtual")
+    assert says(message, "option-not-for-this --calibrate: simulated")
     message = refused("excite", "rig.toml", "--out", "new.txt", cwd=tmp_path)
     assert says(message, "wrong-ending")
     text = (tmp_path / "rig.toml").read_text()
@@ -103,7 +103,7 @@ def test_a_stage_is_calibrated_on_the_move_that_was_flown_for_it(tmp_path: Path)
     )
     assert flown.returncode == 0, flown
     assert "not identifiable: gap_zero_1_m, gap_zero_2_m" in flown.stdout
-    assert "the own set-point identifies the same parameters" in flown.stdout
+    assert "its own set-point identifies the same parameters" in flown.stdout
     assert (tmp_path / "m.png").read_bytes().startswith(b"\x89PNG")
     learnt = quick("calibrate", "rig.toml", "run.csv", "-o", "c.toml", "--json", cwd=tmp_path)
     assert learnt.returncode == 0, learnt

@@ -194,7 +194,7 @@ def test_steps_show_reference_and_every_variant_with_its_overshoot(
         off = np.asarray(line.get_ydata())
         assert off.max() == pytest.approx(OVERSHOOT[name][0][0], abs=0.5)
     assert below.get_ylim()[1] > OVERSHOOT["ratio"][0][0]
-    assert below.get_ylabel() == "off (% of height)"
+    assert below.get_ylabel() == "deviation (% of height)"
 
 
 def test_forces_show_the_error_of_what_is_shown(runs: dict[MethodName, Recording]) -> None:
@@ -298,7 +298,7 @@ def test_every_outcome_but_a_gain_has_a_hatch_of_its_own() -> None:
     assert len(hatches) == len(ax.patches) == 3
     (legend,) = figure.legends
     assert {patch.get_hatch() for patch in legend.get_patches()} == hatches
-    assert "certain loss" in {text.get_text() for text in legend.get_texts()}
+    assert "significant loss" in {text.get_text() for text in legend.get_texts()}
 
 
 def test_nothing_on_the_front_is_beaten() -> None:

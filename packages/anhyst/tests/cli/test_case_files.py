@@ -1,4 +1,4 @@
-"""Files that strangers brought are read right, or refused with the reason; see shared/cases."""
+"""Files of other users are read correctly, or rejected with the reason; see shared/cases."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ KILOGRAM_FORCE = 9.80665
 
 @pytest.fixture
 def case(cases: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Copy a case into a folder of its own, or let its script write it."""
+    """Copy a case into its own folder, or let its script write it."""
 
     def bring(name: str) -> Path:
         source = cases / name

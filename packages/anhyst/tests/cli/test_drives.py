@@ -1,4 +1,4 @@
-"""Drives and demands that do not fit the model are refused, or flagged where they can be run."""
+"""Drives and demands that do not fit the model are rejected, or flagged if they can be computed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def run(folder: Path, content: str, *options: object, verb: str = "predict") -> str:
-    """Have a drive or a demand refused."""
+    """Run predict or invert, which must reject the drive or the demand."""
     (folder / "drive.csv").write_text(content)
     return refused(verb, "model.toml", "drive.csv", "-o", "out.csv", *options, cwd=folder)
 

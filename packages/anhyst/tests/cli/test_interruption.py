@@ -1,4 +1,4 @@
-"""Ctrl-C and kill: nothing half written, and the next run goes on where the last one was."""
+"""Ctrl-C and kill leave no incomplete file, and the next run continues."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .records import model
 
 IDENTIFY = ["identify", "loops.csv", "--out", "model.toml", "--history", "settled"]
 SLOW = [*IDENTIFY, "--search", "paper"]
-"""Stages of seconds, at each gap by itself."""
+"""Options of a search with stages of some seconds at each gap."""
 
 
 def record(samples: int, gaps: tuple[float, ...]) -> str:
@@ -49,7 +49,7 @@ def wait_until(process: subprocess.Popen[str], happened: Callable[[], bool]) -> 
 
 
 def interrupt(process: subprocess.Popen[str]) -> tuple[str, str]:
-    """Send ctrl-C; return what was printed and said."""
+    """Send Ctrl-C; return standard output and standard error."""
     process.send_signal(signal.SIGINT)
     printed, message = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130, message
@@ -59,7 +59,7 @@ def interrupt(process: subprocess.Popen[str]) -> tuple[str, str]:
 
 
 def has_joined_gaps(folder: Path) -> bool:
-    """Whether a search is behind the first model of all gaps, one that can be written."""
+    """Whether a search has its first model of all gaps, which can be written."""
     try:
         return " without " in (folder / "model.toml.checkpoint").read_text()
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""Measurements that cannot be used are refused by name, line or column; odd ones are warned of."""
+"""Unusable measurements are rejected with name, line or column; implausible ones cause warnings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .records import GAPS, PLAIN, Row, rows, table
 
 
 def identify(folder: Path, *arguments: object) -> str:
-    """Have ``loops.csv`` refused by identify."""
+    """Run identify, which must reject ``loops.csv``."""
     return refused("identify", "loops.csv", "--out", "model.toml", *arguments, cwd=folder)
 
 
@@ -40,7 +40,7 @@ def each(change: Callable[[Row], Row]) -> str:
 
 
 def fitted(result: Result, code: int = 0) -> list[str]:
-    """Lines of warning of a run that made a model."""
+    """Return the warnings of a run that found a model."""
     assert result.returncode == code, result.stderr
     return result.stderr.splitlines()
 

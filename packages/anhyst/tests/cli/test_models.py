@@ -1,4 +1,4 @@
-"""A damaged model file is refused by every verb that reads one, with its line and key."""
+"""A damaged model file is rejected by each command that reads it, with line and key."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ VERBS = {
 
 
 def edited(key: str, value: str) -> str:
-    """Return the good model with one value replaced, whatever it was."""
+    """Return the good model with one value replaced."""
     text, count = re.subn(rf"(?m)^({re.escape(key)} =) [^#\n]*", rf"\1 {value} ", GOOD)
     assert count == 1
     return text

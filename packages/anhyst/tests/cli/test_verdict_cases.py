@@ -1,4 +1,4 @@
-"""Files that people really have: the verdict, the exit code and the figures agree."""
+"""Realistic files: the verdict, the exit code and the figures agree."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_table_of_branches_in_one_direction_is_refused_and_the_remedy_works(
 
 
 def noisy(rate: float, density: float) -> Loops:
-    """Magnet with noise of a density, N per root of the rate in kHz."""
+    """Return a magnet with noise of a density in N per root of the rate in kHz."""
     time = np.arange(0.0, 3.0, 1.0 / rate)
     current = 1.0 - np.cos(2.0 * np.pi * time)
     force = 10.0 * (0.5 * current + 0.5 * play(current, 0.05)) ** 2
@@ -102,7 +102,7 @@ def test_verdict_does_not_depend_on_the_sampling_rate(density: float) -> None:
     assert len({verdict.level for verdict in verdicts}) == 1
     gains = [verdict.gain for verdict in verdicts]
     assert max(gains) - min(gains) < 0.05
-    # The noise of a sample is stated as it is.
+    # The stated noise is that of the samples.
     ratio = verdicts[2].noise_relative / verdicts[0].noise_relative
     assert ratio == pytest.approx(10.0, rel=0.2)
 

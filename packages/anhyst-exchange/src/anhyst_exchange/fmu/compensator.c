@@ -30,7 +30,7 @@ static int start(const void *tables, void *state, double *values)
 }
 
 /* Returns the nearest q31 code of a fraction; larger values saturate. */
-static int32_t code_of(double fraction)
+static int32_t to_q31(double fraction)
 {
   const double scaled = rint(fraction * ONE_Q31);
   if (!(scaled > -ONE_Q31)) {
@@ -43,14 +43,14 @@ static int32_t gap_code(const double *values)
 {
   const double span = COMPENSATOR_GAP_HIGH - COMPENSATOR_GAP_LOW;
   const double gap = COMPENSATOR_HAS_GAP ? values[GAP] : COMPENSATOR_GAP_LOW;
-  return code_of(span > 0.0 ? (gap - COMPENSATOR_GAP_LOW) / span : 0.0);
+  return to_q31(span > 0.0 ? (gap - COMPENSATOR_GAP_LOW) / span : 0.0);
 }
 
 static const char *tick(const void *tables, void *state, double *values, double seconds)
 {
   anhyst_compensator *compensator = (anhyst_compensator *)state;
   const int32_t gap = gap_code(values);
-  const int32_t demand = code_of(values[DEMAND] / COMPENSATOR_FULL_SCALE_DEMAND);
+  const int32_t demand = to_q31(values[DEMAND] / COMPENSATOR_FULL_SCALE_DEMAND);
   int32_t current = 0;
   (void)tables;
   (void)seconds;

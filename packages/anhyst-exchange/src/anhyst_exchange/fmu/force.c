@@ -10,8 +10,8 @@
 #include "force_numbers.h"
 #include "part.h"
 
-#define ROOM 64            /* doubles that are reserved for the state of the compensator */
-#define CODES 1073741824.0 /* sensor codes of the gap over its range */
+#define COMPENSATOR_DOUBLES 64 /* doubles that are reserved for the state of the compensator */
+#define GAP_CODES 1073741824.0 /* sensor codes of the gap over its range */
 
 enum { DEMAND = 1, GAP, NOISE, COMMAND = NOISE + ANHYST_HELD_SENSORS, CURRENT, FORCE, READ };
 
@@ -20,7 +20,7 @@ extern const anhyst_part anhyst_compensator_part;
 typedef struct {
   anhyst_plant_held_state plant;
   anhyst_plant_memory volume[FORCE_VOLUMES];
-  double compensator[ROOM];
+  double compensator[COMPENSATOR_DOUBLES];
 } state_of;
 
 static void relink(const void *tables, void *state)
@@ -42,11 +42,12 @@ static int start(const void *tables, void *state, double *values)
 }
 
 /* Returns the gap as the compensator of a firmware gets it, rounded to the codes of its sensor. */
-static double coded(double gap)
+static double quantise_gap(double gap)
 {
   const double share =
       anhyst_plant_bound((gap - FORCE_GAP_LOW) / (FORCE_GAP_HIGH - FORCE_GAP_LOW), 0.0, 1.0);
-  return FORCE_GAP_LOW + (FORCE_GAP_HIGH - FORCE_GAP_LOW) * (floor(share * CODES + 0.5) / CODES);
+  return FORCE_GAP_LOW +
+         (FORCE_GAP_HIGH - FORCE_GAP_LOW) * (floor(share * GAP_CODES + 0.5) / GAP_CODES);
 }
 
 static const char *tick(const void *tables, void *state, double *values, double seconds)
@@ -60,7 +61,7 @@ static const char *tick(const void *tables, void *state, double *values, double 
   anhyst_plant_held_tick(&force_held, &now->plant, values[COMMAND], values[GAP], values + NOISE,
                          values + CURRENT);
   if (FORCE_HAS_GAP) {
-    signals[2] = coded(values[READ + ANHYST_HELD_GAP]);
+    signals[2] = quantise_gap(values[READ + ANHYST_HELD_GAP]);
   }
   (void)anhyst_compensator_part.tick(tables, now->compensator, signals, seconds);
   values[COMMAND] = signals[2 + FORCE_HAS_GAP];

@@ -38,7 +38,7 @@ typedef struct {
   anhyst_biquad_state_f64 filtered[PIEZO_FILTER_COUNT];
   anhyst_biquad_state_f64 integral;
   double ticks;
-  double wanted[PIEZO_LATE_TICKS]; /* reference of the last ticks, the newest first */
+  double past_references[PIEZO_LATE_TICKS]; /* reference of the last ticks, the newest first */
 } state_of;
 
 static int build(void *tables)
@@ -74,7 +74,7 @@ static int start(const void *tables, void *state, double *values)
 
 /* Returns the reference that the sensor should show now, interpolated linearly between ticks as in
  * the simulation. */
-static double expected(const state_of *now)
+static double delayed_reference(const state_of *now)
 {
   const double at = PIEZO_TICK_S * now->ticks - PIEZO_LATENESS_S;
   int age = 0;
@@ -83,18 +83,18 @@ static double expected(const state_of *now)
     age++;
   }
   begin = PIEZO_TICK_S * (now->ticks - age);
-  return (now->wanted[age - 1] - now->wanted[age]) /
+  return (now->past_references[age - 1] - now->past_references[age]) /
              (PIEZO_TICK_S * (now->ticks - (age - 1)) - begin) * (at - begin) +
-         now->wanted[age];
+         now->past_references[age];
 }
 
-static void remember(state_of *now, double reference)
+static void store_reference(state_of *now, double reference)
 {
   int i;
   for (i = PIEZO_LATE_TICKS - 1; i > 0; i--) {
-    now->wanted[i] = now->ticks > 0.0 ? now->wanted[i - 1] : reference;
+    now->past_references[i] = now->ticks > 0.0 ? now->past_references[i - 1] : reference;
   }
-  now->wanted[0] = reference;
+  now->past_references[0] = reference;
 }
 
 static const char *tick(const void *tables, void *state, double *values, double seconds)
@@ -113,8 +113,8 @@ static const char *tick(const void *tables, void *state, double *values, double 
       return "a reference, a load and a noise are at most 1 m";
     }
   }
-  remember(now, event.wanted);
-  event.expected = expected(now);
+  store_reference(now, event.wanted);
+  event.expected = delayed_reference(now);
   relink(tables, state);
   (void)anhyst_force_controller_init_coded_f64(&in_si, &coded, &codes, &now->inverse);
   anhyst_piezo_loop_tick(&loop, &event, row);

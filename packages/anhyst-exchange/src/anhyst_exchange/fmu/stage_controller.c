@@ -26,30 +26,30 @@ static const struct {
 /* Compensators in fixed point, and the physical values of 1.0 of their codes. */
 static const anhyst_code_scales_f64 codes = STAGE_CODES;
 
-typedef anhyst_force_controller_q31 force_of;
+typedef anhyst_force_controller_q31 force_controller;
 
 #define INIT_FORCE anhyst_force_controller_init_compensator_q31
-#define BY_COMPENSATOR anhyst_force_by_compensator_q31
+#define COMPENSATOR_METHOD anhyst_force_by_compensator_q31
 
 #else
 
 /* Compensators in double precision. */
-typedef anhyst_force_controller_f64 force_of;
+typedef anhyst_force_controller_f64 force_controller;
 
 #define INIT_FORCE anhyst_force_controller_init_compensator_f64
-#define BY_COMPENSATOR anhyst_force_by_compensator_f64
+#define COMPENSATOR_METHOD anhyst_force_by_compensator_f64
 
 #endif
 
-static anhyst_status start_force(force_of *force, int i)
+static anhyst_status start_force(force_controller *force, int i)
 {
   return INIT_FORCE(force, &STAGE_KERNEL, words + blocks[i].first, blocks[i].count);
 }
 
 /* Sets the pointers of a force controller again. */
-static void relink_force(force_of *force, int i)
+static void relink_force(force_controller *force, int i)
 {
-  force->method = &BY_COMPENSATOR;
+  force->method = &COMPENSATOR_METHOD;
   force->compensator.kernel = &STAGE_KERNEL;
   force->compensator.words = words + blocks[i].first;
 }
@@ -90,11 +90,11 @@ static void run_law(anhyst_axes_f64 *law, anhyst_force_controller_f64 *const *dr
 }
 
 typedef struct {
-  force_of force[STAGE_DRIVES];
+  force_controller force[STAGE_DRIVES];
   anhyst_corrected_f64 corrected[STAGE_DRIVES];
   anhyst_axes_f64 law;
   /* Set again at every tick. */
-  anhyst_force_controller_f64 behind[STAGE_DRIVES];
+  anhyst_force_controller_f64 corrected_force[STAGE_DRIVES];
 #ifdef STAGE_CODES
   anhyst_coded_f64 coded[STAGE_DRIVES];
   anhyst_force_controller_f64 in_si[STAGE_DRIVES];
@@ -135,11 +135,11 @@ void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
 #ifdef STAGE_CODES
     (void)anhyst_force_controller_init_coded_f64(&in_si[i], &now->coded[i], &codes, &now->force[i]);
 #endif
-    (void)anhyst_force_controller_init_corrected_f64(&now->behind[i], &now->corrected[i],
+    (void)anhyst_force_controller_init_corrected_f64(&now->corrected_force[i], &now->corrected[i],
                                                      &corrections[i], &in_si[i]);
     now->corrected[i].root = root;
     now->corrected[i].before = before;
-    drive[i] = &now->behind[i];
+    drive[i] = &now->corrected_force[i];
   }
   run_law(&now->law, drive, sample, answer);
 }

@@ -8,7 +8,7 @@
 #include "part.h"
 
 /* Maximum number of values per recorded row. */
-#define RECORDED (ANHYST_LOOP_SIGNALS * (BEARING_MAGNETS + BEARING_HEADS))
+#define MAX_RECORDED_VALUES (ANHYST_LOOP_SIGNALS * (BEARING_MAGNETS + BEARING_HEADS))
 
 typedef struct {
   anhyst_plant_state plant;
@@ -19,8 +19,8 @@ typedef struct {
   uint64_t ticks;
   /* Working memory of one tick. It is static, because a stack frame of more than a page needs a
    * run-time library. */
-  double room[ANHYST_LOOP_ROOM(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
-  double record[RECORDED];
+  double workspace[ANHYST_LOOP_ROOM(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
+  double record[MAX_RECORDED_VALUES];
 } virtual_plant;
 
 static void link_plant(virtual_plant *now)
@@ -52,15 +52,15 @@ static int start_plant(virtual_plant *now)
 static const double *run_plant(virtual_plant *now, anhyst_loop_controller controller,
                                const anhyst_plant_events *events)
 {
-  anhyst_plant_loop loop = {&bearing,          &now->plant, controller,
-                            now->current_loop, now->room,   now->ticks};
+  anhyst_plant_loop loop = {&bearing,          &now->plant,    controller,
+                            now->current_loop, now->workspace, now->ticks};
   (void)anhyst_plant_loop_run(&loop, events, 1, now->record);
   now->ticks = loop.ticks;
   return now->record;
 }
 
 /* Returns the first value of a signal in a row. */
-static const double *recorded(const double *record, anhyst_plant_signal signal)
+static const double *first_value(const double *record, anhyst_plant_signal signal)
 {
   return record + anhyst_plant_signal_column(&bearing, signal);
 }
@@ -68,7 +68,7 @@ static const double *recorded(const double *record, anhyst_plant_signal signal)
 /* Writes the true values at the end of a tick: velocities, the wrench if there are several
  * coordinates, the force, then gap, current and flux density of each magnet. The fourth value of
  * each magnet is not written. */
-static void show_plant(const anhyst_plant_state *plant, double *values)
+static void write_plant_outputs(const anhyst_plant_state *plant, double *values)
 {
   int i;
   for (i = 0; i < bearing.coordinates; i++) {
@@ -85,12 +85,13 @@ static void show_plant(const anhyst_plant_state *plant, double *values)
   }
 }
 
-/* Writes the current reference of each magnet into the values that show_plant leaves out. */
-static void show_commands(const double *record, double *values)
+/* Writes the current reference of each magnet into the values that write_plant_outputs leaves out.
+ */
+static void write_commands(const double *record, double *values)
 {
   const int before = bearing.coordinates > 1 ? 2 * bearing.coordinates + 1 : 2;
   for (int i = 0; i < BEARING_MAGNETS; i++) {
-    values[before + 4 * i + 3] = recorded(record, ANHYST_LOOP_COMMAND)[i];
+    values[before + 4 * i + 3] = first_value(record, ANHYST_LOOP_COMMAND)[i];
   }
 }
 

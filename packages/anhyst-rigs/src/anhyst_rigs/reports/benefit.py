@@ -194,15 +194,18 @@ def render_bearing(rig: BodyRig, controller: ControllerFile, gains: Benefit, com
     """Return the page of the benefit map of a bearing."""
     compensation = controller.settings.compensation.model_copy(update={"variant": "full"})
     table_of_full = controller.settings.model_copy(update={"compensation": compensation})
-    what = f"{plant_text(rig)}; controller “{controller.settings.name}”, variant full."
+    description = f"{plant_text(rig)}; controller “{controller.settings.name}”, variant full."
     runs = f"run with the same gains, {gains.seeds} noise seeds each."
-    variants = ["full", *(one.baseline for cell in gains.cells for one in cell.strongest.values())]
+    variants = [
+        "full",
+        *(comparison.baseline for cell in gains.cells for comparison in cell.strongest.values()),
+    ]
     sections = (
         structure_section(rig, table_of_full, [*variants, "ratio"]),
         _benefit_section(gains),
         origin_section(file_hashes([rig.path, controller.path]), command, rig.settings.seed),
     )
-    head = _headline(gains, rig.settings.name, what, runs)
+    head = _headline(gains, rig.settings.name, description, runs)
     return page_text("Magnetic bearing", head, sections)
 
 
@@ -219,9 +222,9 @@ def map_plants(rig: AnyRig, task: SimulationTask) -> tuple[Benefit, str]:
     gains, command = map_plant_benefit(rig, progress=task.progress), task.command(" --benefit")
     kind = rig.settings.kind.title
     cases = ", ".join(dict.fromkeys(_case_text(cell.case) for cell in gains.cells))
-    what = f"{kind.capitalize()}, judged in: {cases}."
+    description = f"{kind.capitalize()}, judged in: {cases}."
     runs = f"each with its own gains, if it has any, {gains.seeds} noise seeds each."
-    head = _headline(gains, rig.settings.name, what, runs)
+    head = _headline(gains, rig.settings.name, description, runs)
     sections = (
         _benefit_section(gains),
         origin_section(file_hashes([rig.path]), command, rig.settings.seed),
@@ -256,8 +259,8 @@ def _gain_text(gains: Benefit, title: str, baseline: str, cells: ComparedCells) 
     """Return a sentence with the number of cells that gain and lose, and the largest gain."""
     gain_cells = [pair for pair in cells if pair[1].outcome == "gain"]
     loss_count, no_potential_count = (
-        sum(comparison.outcome == what for _, comparison in cells)
-        for what in ("loss", "nothing to gain")
+        sum(comparison.outcome == outcome for _, comparison in cells)
+        for outcome in ("loss", "nothing to gain")
     )
     text = (
         f"{title} against {baseline}: a significant gain in {len(gain_cells)} of {len(cells)} cells, a "

@@ -70,14 +70,14 @@ def _headline(fleet: Fleet) -> Headline:
 def _error_section(fleet: Fleet) -> Section:
     figure = Figure(figsize=(7.2, 3.6), layout="constrained")
     fleet.plot(figure.add_subplot())
-    shown = picture(
+    error_picture = picture(
         figure,
         "errors",
         "Error of each magnet, with its own controller and with one model for all.",
         "Error on the loops of each magnet, with its own compiled controller and with the model of "
         f"the most typical one, '{fleet.typical}'.",
     )
-    return Section("errors", "Errors", (shown,))
+    return Section("errors", "Errors", (error_picture,))
 
 
 def _scatter_section(fleet: Fleet) -> Section:
@@ -130,8 +130,8 @@ def scatter_table(fleet: Fleet, spread: FleetSpread) -> PageTable:
 def _magnet_section(fleet: Fleet) -> Section:
     columns = fleet.to_columns()
     rows = [
-        (name, "yes" if good else "no", f"{own:.2f}", f"{shared:.2f}", f"{distance:.1f}")
-        for name, good, own, shared, distance in zip(
+        (name, "yes" if good else "no", f"{own_error:.2f}", f"{shared:.2f}", f"{distance:.1f}")
+        for name, good, own_error, shared, distance in zip(
             *(
                 columns[key]
                 for key in ("magnet", "good", "own_percent", "shared_percent", "distance")
@@ -149,6 +149,6 @@ def _magnet_section(fleet: Fleet) -> Section:
     if len(rows) > _MAX_ROWS:
         blocks.append(Text(f"The other {len(rows) - _MAX_ROWS} are in fleet.csv."))
     if fleet.failed:
-        reasons = tuple(f"{name}: {why}" for name, why in fleet.failed.items())
+        reasons = tuple(f"{name}: {reason}" for name, reason in fleet.failed.items())
         blocks.append(Items("Not evaluated", reasons))
     return Section("magnets", "Magnets", tuple(blocks))

@@ -148,8 +148,8 @@ _DRAWN_ERRORS: Mapping[str, MethodName] = {
 MAX_TITLE_LETTERS = 62
 """Maximum length of a line above a panel, in letters."""
 
-MAX_CURVE_POINTS = 1500
-"""Length of a curve, in samples, above which it is thinned for a figure."""
+MIN_THINNED_POINTS = 1500
+"""A thinned curve has at least this number of points, and less than twice this number."""
 
 
 CAPTIONS: Mapping[str, str] = {
@@ -230,8 +230,8 @@ def draw_all(result: ForceControl, verified: Sequence[PageTable] = ()) -> None:
 
 def _headline(result: ForceControl, verified: bool) -> Headline:
     rig, figures = result.rig, result.figures
-    lost = [Note("bad", "Force lost", f"{'; '.join(result.lost_in)}.")]
-    notes = lost if result.lost_in else [verdict_note(result.verdict)]
+    loss_notes = [Note("bad", "Force lost", f"{'; '.join(result.lost_in)}.")]
+    notes = loss_notes if result.lost_in else [verdict_note(result.verdict)]
     if verified:
         notes.append(
             Note(
@@ -258,12 +258,12 @@ def _tiles(result: ForceControl) -> tuple[Tile, ...]:
     """Return the largest errors of the fastest demand with a fixed armature."""
     demands = {outcome.trial.demand.name: outcome.trial.demand for outcome in result.outcomes}
     fastest = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
-    held = (
+    fixed_trials = (
         trial
         for trial in result.figures["trials"]
         if trial["demand"] == fastest and trial["stage"] != "moving"
     )
-    errors = worst_errors(held, lambda _: fastest)[fastest]
+    errors = worst_errors(fixed_trials, lambda _: fastest)[fastest]
     detail = f"worst error, {fastest}, held, % of {result.figures['force_max_N']:g} N"
     return tuple(
         Tile(format_number(errors[name]["worst_percent"], 2), CONTROLLER_TITLES[name], detail)
@@ -296,8 +296,10 @@ def comparison_table(result: ForceControl) -> PageTable:
 @use_report_style
 def figure_constant_gap(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> Figure:
     """Draw forces and errors at the end of the stroke, one column per demand (paper, Fig. 7)."""
-    shown = [outcome for outcome in outcomes if outcome.trial.initial_state == "unknown"]
-    return _draw_columns(rig, shown, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0)
+    unknown_starts = [outcome for outcome in outcomes if outcome.trial.initial_state == "unknown"]
+    return _draw_columns(
+        rig, unknown_starts, {"force (N)": 3.0, "true force - demand (N)": 2.0}, 6.0
+    )
 
 
 @use_report_style
@@ -348,7 +350,10 @@ def figure_positions(rig: ForceControlRig, outcomes: Sequence[ForceOutcome]) -> 
             ax.set_title(f"{_position_text(outcome)}\n{name}")
             ax.tick_params(labelbottom=False)
             _draw_deviations(below, rig, outcome, title=False)
-            worst = (f"{one} {_worst_percent(rig, outcome, one):.1f}" for one in ("full", "single"))
+            worst = (
+                f"{controller} {_worst_percent(rig, outcome, controller):.1f}"
+                for controller in ("full", "single")
+            )
             below.set_title(f"{'; '.join(worst)} %", fontsize=8.0, weight="normal")
             below.set_xlabel("time (s)")
         for empty in (*row[len(members) :], *errors[len(members) :]):
@@ -409,7 +414,7 @@ def _thin_curve(
     rig: ForceControlRig, outcome: ForceOutcome, values: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return time and values with no more points than a figure can show."""
-    step = max(1, values.size // MAX_CURVE_POINTS)
+    step = max(1, values.size // MIN_THINNED_POINTS)
     time = np.asarray((np.arange(values.size) - outcome.trial.demand.lead_in) * rig.dt, np.float64)
     return time[::step], values[::step]
 

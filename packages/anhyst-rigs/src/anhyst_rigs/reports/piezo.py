@@ -72,7 +72,7 @@ def terminal_summary(tracked: PiezoTracking) -> TerminalSummary:
 def render(tracked: PiezoTracking, command: str) -> str:
     """Return the page of a piezo stage."""
     file = tracked.rig.settings
-    moved, plain = file.displacement_case, tracked.errors["none"]
+    moved, baseline = file.displacement_case, tracked.errors["none"]
     head = Headline(
         title=file.name,
         description=f"A piezo stage that follows a triangle of {1e6 * moved.stroke_m:g}{NBSP}µm, "
@@ -82,21 +82,21 @@ def render(tracked: PiezoTracking, command: str) -> str:
         notes=(verdict_note(tracked.verdict),),
         tiles=tuple(
             comparison_tile(
-                metric, tracked.errors["full"][metric.key], plain[metric.key], "a constant"
+                metric, tracked.errors["full"][metric.key], baseline[metric.key], "a constant"
             )
             for metric in DEVIATION_METRICS
         ),
         comparison=comparison_table(tracked),
         validity="These figures apply only to this stage and this triangle.",
     )
-    shown = picture(
+    tracking_picture = picture(
         figure_tracking(tracked),
         "tracking",
         "Reference, and deviation of each controller from it, over time.",
         "True position minus the reference, delayed by controller and amplifier.",
     )
     sections = [
-        Section("tracking", "Following the triangle", (shown,)),
+        Section("tracking", "Following the triangle", (tracking_picture,)),
         origin_section(file_hashes([tracked.rig.path]), command, file.seed),
     ]
     return page_text("Piezo stage", head, sections)

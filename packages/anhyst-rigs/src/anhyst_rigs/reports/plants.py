@@ -58,7 +58,7 @@ def _headline(runs: MonteCarlo) -> Headline:
         f"{name}: {runs.lost_count(name)} of {len(runs.drifts)}"
         for name in in_report_order(runs.runs)
     ]
-    lost = any(runs.lost_count(name) for name in runs.runs)
+    has_losses = any(runs.lost_count(name) for name in runs.runs)
     return Headline(
         title=file.name,
         description=f"{len(runs.drifts)} plants of {file.kind.title}, each with its own noise, "
@@ -67,7 +67,7 @@ def _headline(runs: MonteCarlo) -> Headline:
         basis=f"Simulated, seed {runs.plants.seed}; all variants control the same plants.",
         notes=(
             verdict_note(runs.verdict),
-            Note("bad" if lost else "good", "Plants lost", f"{'; '.join(counts)}."),
+            Note("bad" if has_losses else "good", "Plants lost", f"{'; '.join(counts)}."),
         ),
         tiles=(),
         comparison=None,
@@ -95,15 +95,17 @@ def _drift_section(runs: MonteCarlo) -> Section:
         for figure in runs.plants.figures
         for case, name in enumerate(figure.case_names)
     }
-    shown = picture(
+    drift_picture = picture(
         figure_drift(spreads),
         "drift",
         f"Distribution of figures over the plants, with percentiles marked: {', '.join(spreads)}.",
         "Share of plants below each figure; dots at "
-        f"{', '.join(str(part) for part in PERCENTILES)} %. A lost plant counts as "
+        f"{', '.join(str(percent) for percent in PERCENTILES)} %. A lost plant counts as "
         "infinite.",
     )
-    return Section("drift", "Drifted plants", (shown, percentile_table(runs), _worst_plants(runs)))
+    return Section(
+        "drift", "Drifted plants", (drift_picture, percentile_table(runs), _worst_plants(runs))
+    )
 
 
 def percentile_table(runs: MonteCarlo) -> PageTable:
@@ -116,7 +118,7 @@ def percentile_table(runs: MonteCarlo) -> PageTable:
         for values in (runs.values(name, figure.key, case_index),)
         for percentiles in ([figure.factor * percentile(values, p) for p in PERCENTILES],)
     ]
-    head = ["figure", "variant", *(f"{part:g} %" for part in PERCENTILES)]
+    head = ["figure", "variant", *(f"{percent:g} %" for percent in PERCENTILES)]
     return make_table("Percentiles", head, rows, texts=2)
 
 
@@ -143,8 +145,10 @@ def _drift_text(drift: Drift) -> str:
     changes = []
     for key, value in drift.as_dict().items():
         name, _, unit = key.rpartition("_")
-        shown = f"{value:+.1f}{NBSP}%" if unit == "percent" else f"{1e6 * value:+.2f}{NBSP}µ{unit}"
-        changes.append(f"{name.replace('_', ' ')} {shown}")
+        value_text = (
+            f"{value:+.1f}{NBSP}%" if unit == "percent" else f"{1e6 * value:+.2f}{NBSP}µ{unit}"
+        )
+        changes.append(f"{name.replace('_', ' ')} {value_text}")
     return ", ".join(changes).replace("-", MINUS)
 
 
@@ -162,7 +166,7 @@ def figure_drift(spreads: Mapping[str, Mapping[MethodName, FloatArray]]) -> Figu
             share = 100.0 * np.arange(1, values.size + 1) / values.size
             finite = np.isfinite(values)
             ax.plot(values[finite], share[finite], **line_style(name), label=name)
-            marks = [percentile(values.tolist(), part) for part in PERCENTILES]
+            marks = [percentile(values.tolist(), percent) for percent in PERCENTILES]
             ax.plot(marks, PERCENTILES, "o", color=COLOURS[name], ms=3.5)
         ax.set_title(title)
         ax.set_ylim(0.0, 102.0)

@@ -43,9 +43,9 @@ def calibrate(
     out : path-like, ``FILE``, optional
         Calibration file (TOML) to write.
     magnet : IdentifiedMagnet, optional, only in Python
-        What is known of the magnets; identified from the loops of the rig file if left out.
+        Identified magnets. By default, they are identified from the loops of the rig file.
     methods : sequence of str, only in Python
-        Methods to calibrate; all that the recordings suffice for if left out.
+        Methods to calibrate. By default, all for which the recordings are sufficient.
     controller : ControllerFile or path-like, ``FILE``, optional
         Controller file of a bearing. [default: 'controller.toml' next to the rig file]
 
@@ -77,7 +77,7 @@ def warnings(result: Calibration) -> Iterator[str]:
             yield f"{method.name}: {facts[method.name]}; a flux probe would help"
 
 
-def show(result: Calibration, given: Mapping[str, Any]) -> Iterator[OutputPart]:
+def show(result: Calibration, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the terminal output: the estimated parameters, and the fit of each method."""
     from anhyst.cli.printing import TerminalTable
 
@@ -98,8 +98,8 @@ def show(result: Calibration, given: Mapping[str, Any]) -> Iterator[OutputPart]:
             )
     yield rows
     yield from (f"{name}: {text}" for name, text in result.facts().items())
-    if given["out"] is not None and result.has_estimates:
-        yield f"written: {given['out']}"
+    if arguments["out"] is not None and result.has_estimates:
+        yield f"written: {arguments['out']}"
 
 
 def refuse(result: Calibration, _: Mapping[str, Any]) -> None:

@@ -76,7 +76,7 @@ def excite(
     port : str, ``PORT``, optional
         The same through a serial port with XCP.
     progress : callable, optional
-        Called with what is done and what there is in all.
+        Called with the work done and the total work.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def excite(
     Raises
     ------
     InputError
-        A file cannot be read or written, a rig gives no loops, or no controller answers.
+        A file cannot be read or written, a rig cannot measure loops, or no controller answers.
 
     Examples
     --------
@@ -121,16 +121,18 @@ def excite(
     return excitation
 
 
-def show(result: Excitation | CalibratingMove, given: Mapping[str, Any]) -> Iterator[OutputPart]:
+def show(
+    result: Excitation | CalibratingMove, arguments: Mapping[str, Any]
+) -> Iterator[OutputPart]:
     """Return the terminal output: the drives or the effect of the motion, and the files written."""
     from anhyst_rigs.study.excite.excite import Excitation
 
     if isinstance(result, Excitation):
         yield from _show_excitation(result)
-        written = [given["out"], given["out"].with_suffix(".toml"), given["plot"]]
+        written = [arguments["out"], arguments["out"].with_suffix(".toml"), arguments["plot"]]
     else:
         yield from _show_move(result)
-        written = [given["out"], given["plot"]]
+        written = [arguments["out"], arguments["plot"]]
     yield from (f"written: {path}" for path in written if path is not None)
 
 
@@ -173,25 +175,28 @@ def _show_move(result: CalibratingMove) -> Iterator[OutputPart]:
     kinds: dict[str, list[str]] = {}
     for name in move.left:
         kinds.setdefault(re.sub(r"_(\d+|[xyz](?=_m))", "", name), []).append(name)
-    heads = ["posterior / prior sigma", "this motion", "own set-point"]
+    heads = ["posterior / prior sigma", "this motion", "its own set-point"]
     table = TerminalTable(f"{move.duration_s:.2f} s", heads)
     for kind, names in kinds.items():
         sigma_ratios = [
             [f"{item.left[name]:.2f}" for name in names] for item in (move, own_setpoint)
         ]
         table.add_row(
-            kind, *(" to ".join(dict.fromkeys((min(one), max(one)))) for one in sigma_ratios)
+            kind,
+            *(" to ".join(dict.fromkeys((min(ratios), max(ratios)))) for ratios in sigma_ratios),
         )
-    table.add_row("duration, s", *(f"{one.duration_s:.2f}" for one in (move, own_setpoint)))
-    table.add_row("condition number", *(f"{one.condition:.2g}" for one in (move, own_setpoint)))
+    table.add_row("duration, s", *(f"{motion.duration_s:.2f}" for motion in (move, own_setpoint)))
+    table.add_row(
+        "condition number", *(f"{motion.condition:.2g}" for motion in (move, own_setpoint))
+    )
     hidden_by_setpoint = ", ".join(name for name in own_setpoint.hidden if name not in move.hidden)
     yield table
     for axis, leg in result.legs.items():
-        peaks = ", ".join(f"{one:.3g}" for one in leg.peaks)
+        peaks = ", ".join(f"{peak:.3g}" for peak in leg.peaks)
         yield f"{axis}: {peaks} m/s2 at {leg.speed:.3g} m/s"
     yield f"not identifiable: {', '.join(move.hidden) or 'nothing'}"
     yield (
-        f"with the own set-point, not identifiable either: {hidden_by_setpoint}"
+        f"not identifiable with its own set-point: {hidden_by_setpoint}"
         if hidden_by_setpoint
-        else "the own set-point identifies the same parameters"
+        else "its own set-point identifies the same parameters"
     )

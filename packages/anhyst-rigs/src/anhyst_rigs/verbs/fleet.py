@@ -75,9 +75,9 @@ def fleet(
         Use the workers of a dask scheduler, such as tcp://host:8786 (extra 'cluster'). They must
         have access to the same files. [default: processes of this machine]
     jobs : int, optional, only in Python
-        Processes of this machine; as many as there are cores if left out.
+        Number of processes on this machine. By default, the number of cores.
     progress : callable, optional
-        Called with magnets done and all.
+        Called with the number of magnets done and the total.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def fleet(
     Raises
     ------
     InputError
-        The folder holds no magnet, or a place cannot be written.
+        The folder contains no magnet, or the output cannot be written.
     NegativeResult
         No magnet could be evaluated.
 
@@ -121,11 +121,11 @@ def warnings(result: Fleet) -> Iterator[str]:
     yield from (f"{name}: {why}" for name, why in result.failed.items())
 
 
-def show(result: Fleet, given: Mapping[str, Any]) -> Iterator[OutputPart]:
+def show(result: Fleet, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the terminal output: the scatter of the parameters and the number of good magnets."""
     from anhyst_rigs.reports.fleet import scatter_table
 
-    out = given["out"]
+    out = arguments["out"]
     if result.spread is not None:
         yield scatter_table(result, result.spread)
     yield from (f"{name}: {text}" for name, text in result.facts().items())

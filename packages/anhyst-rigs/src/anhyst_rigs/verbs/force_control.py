@@ -55,7 +55,7 @@ def force_control(
     recordings : str, ``FORMAT``
         Format of the recordings: csv, mat, mf4, tdms, h5 or parquet.
     progress : callable, optional
-        Called with what is done and the total.
+        Called with the work done and the total work.
 
     Returns
     -------

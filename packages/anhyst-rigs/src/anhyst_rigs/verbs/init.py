@@ -40,7 +40,7 @@ def init(
     loops : path-like or sequence of path-like, argument ``[LOOPS]``, optional
         Measurement files, or folders of them.
     mass : float, ``KG``, optional
-        Moving mass. [default: the load is the weight of the mass]
+        Moving mass. [default: the mass whose weight is the load]
     load : float, ``N``, optional
         Force that opens the gap. [default: the weight of the mass, or half the force at the largest
         gap]
@@ -51,7 +51,7 @@ def init(
     stage : bool
         Create a stage instead. It follows set-points between two such magnets.
     progress : callable, optional
-        Called with bytes read and file size.
+        Called with the bytes read and the file size.
     **reading
         How the loops are read: the keywords of `read_loops`, and ``clean``, the cleaning steps.
         They are written to the rig file.
@@ -59,7 +59,7 @@ def init(
     Returns
     -------
     Drafted
-        The folder and its files, what was found and what was guessed.
+        The folder and its files, with the values found and guessed.
 
     Raises
     ------

@@ -57,14 +57,14 @@ def live(
     token : bool
         Accept only browsers that present a token. The command prints the token.
     progress : callable, optional
-        Called with what is done of opening the rig, and what there is in all.
+        Called with the work done and the total work while the rig is opened.
     started : callable, optional
         Called with the address of the page, and the token or an empty text.
 
     Returns
     -------
     RecordingFile or None
-        What was recorded.
+        The recording.
 
     Raises
     ------

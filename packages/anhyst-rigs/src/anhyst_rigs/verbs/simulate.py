@@ -94,18 +94,18 @@ def simulate(
         Use the workers of a dask scheduler, such as tcp://host:8786 (extra 'cluster'). They must
         have access to the same files. [default: processes of this machine]
     progress : callable, optional
-        Called with what is done and what there is in all.
+        Called with the work done and the total work.
 
     Returns
     -------
     Simulation, TrackingStudy, PiezoTracking or ForceControl
-        Or instead: MonteCarlo, Benefit, BoardComparison. Without `out` nothing is written, and the
-        result has ``save``.
+        With the other options: MonteCarlo, Benefit or BoardComparison. Without `out`, nothing is
+        written before ``save``.
 
     Raises
     ------
     InputError
-        A file cannot be read or does not fit the others, or options do not go together.
+        A file cannot be read or does not fit the others, or options exclude each other.
     NegativeResult
         Levitation was lost before anything could be compared.
 
@@ -160,12 +160,12 @@ def simulate(
 
 
 def warnings(result: Studied) -> Sequence[str]:
-    """Return the warnings about the simulated plant that the loops give rise to."""
+    """Return the warnings about the simulated plant, which follow from the loops."""
     plant = getattr(result, "plant", None)
     return getattr(plant, "warnings", ())
 
 
-def show(result: Studied, given: Mapping[str, Any]) -> Iterator[OutputPart]:
+def show(result: Studied, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the terminal output of the study."""
     from anhyst.support.kinds import require_capability, rig_kinds
     from anhyst_rigs.reports import plants
@@ -175,7 +175,7 @@ def show(result: Studied, given: Mapping[str, Any]) -> Iterator[OutputPart]:
     from anhyst_rigs.study.benefit import Benefit
     from anhyst_rigs.study.engine.monte_carlo import MonteCarlo
 
-    out = given["out"]
+    out = arguments["out"]
     if isinstance(result, BoardComparison):
         yield from _show_firmware(result, out)
     elif isinstance(result, Benefit):

@@ -25,7 +25,7 @@ def xcp(port: str, listen: int = 5555, *, started: Callable[[int], None] | None 
     Raises
     ------
     InputError
-        The port cannot be opened, or the firmware does not carry XCP.
+        The port cannot be opened, or the firmware does not support XCP.
 
     Examples
     --------

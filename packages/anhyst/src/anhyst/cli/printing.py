@@ -1,4 +1,4 @@
-"""Text for a person: tables and sentences in 80 columns, and at most 25 lines without ``--verbose``.
+"""Print tables and sentences in 80 columns, with at most 25 lines unless ``--verbose`` is given.
 
 A table that is too wide loses its last columns, and a text that is too long loses its last lines. A
 last line says what was left out. Therefore, verbs print the most useful lines first.
@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 from anhyst.support.wording import count_text
 
 WIDTH = 80
-"""Width of a pipe, in columns."""
+"""Width of the output if it is not a terminal, in columns."""
 MAX_LINES = 25
-"""Maximum number of lines that a verb prints without ``--verbose``."""
+"""Maximum number of lines that a command prints without ``--verbose``."""
 MIN_LINES = 12
 """Minimum number of lines for results, even if there are many warnings."""
 MAX_CELL = 34
@@ -31,7 +31,7 @@ _NUMBER_PATTERN = re.compile(r"[-+<>~]?\d")
 
 @dataclass
 class TerminalTable:
-    """Rows under a title; the first column and columns of words are aligned to the left."""
+    """A table with a title. The first column and columns of words are aligned to the left."""
 
     title: str
     head: Sequence[str]
@@ -44,7 +44,7 @@ class TerminalTable:
     def lines(self, width: int, *, is_verbose: bool) -> list[str]:
         """Return the table as text.
 
-        Columns that do not fit follow below with the first column repeated, or are named only.
+        Columns that do not fit are named, or with `is_verbose` follow in further tables.
         """
         columns = [
             _Column(name, [row[index] for row in self.rows], is_first=index == 0)
@@ -151,7 +151,7 @@ class Printer:
             self.pending += lines[fitting:]
 
     def finish(self) -> None:
-        """Print the lines that were held if there is room, or else their number."""
+        """Print the pending lines if there is room, or else their number."""
         if self.used_lines + len(self.pending) <= self.max_lines:
             for line in self.pending:
                 _print_line(line)

@@ -283,10 +283,13 @@ def figure_reduction(
     for index, cost in enumerate(costs.tolist()):
         text = f"{format_number(cost, 2)} %"
         ax.annotate(text, (index, cost), (0, 3), textcoords="offset points", ha="center")
-    others = [cost for step in steps for cost, _ in _rejected_candidates(step)]
+    rejected_costs = [cost for step in steps for cost, _ in _rejected_candidates(step)]
     highest_bar = max(float(costs.max()), 1e-9)
     highest = max(
-        [highest_bar, *(cost for cost in others if cost <= MAX_DRAWN_COST_RATIO * highest_bar)]
+        [
+            highest_bar,
+            *(cost for cost in rejected_costs if cost <= MAX_DRAWN_COST_RATIO * highest_bar),
+        ]
     )
     ax.set_ylim(0.0, 1.2 * highest)
     for index, step in enumerate(steps, start=1):
@@ -339,7 +342,7 @@ def figure_correlation(uncertainty: Uncertainty) -> Figure:
     height = 0.9 + (0.3 if shows_numbers else 0.19) * count
     figure = new_figure(height, width=min(9.6, 4.2 + 0.42 * count))
     ax = figure.subplots()
-    drawn = ax.pcolormesh(matrix, cmap="RdBu", vmin=-1.0, vmax=1.0, edgecolors="white", lw=0.8)
+    mesh = ax.pcolormesh(matrix, cmap="RdBu", vmin=-1.0, vmax=1.0, edgecolors="white", lw=0.8)
     if shows_numbers:
         for row, column in np.argwhere(np.isfinite(matrix)).tolist():
             value = float(matrix[row, column])
@@ -359,7 +362,7 @@ def figure_correlation(uncertainty: Uncertainty) -> Figure:
     ax.grid(visible=False)
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
-    bar = figure.colorbar(drawn, ax=ax, shrink=0.8, ticks=[-1, -0.5, 0, 0.5, 1])
+    bar = figure.colorbar(mesh, ax=ax, shrink=0.8, ticks=[-1, -0.5, 0, 0.5, 1])
     bar.outline.set_visible(False)
     return figure
 
@@ -367,13 +370,13 @@ def figure_correlation(uncertainty: Uncertainty) -> Figure:
 def _create_panels(
     groups: list[Group], *, panel_height: tuple[float, float, float], share_y: bool = False
 ) -> tuple[Figure, dict[Axes, Group]]:
-    """Create a figure with one panel per group; of too many groups, evenly spaced ones are drawn.
+    """Create a figure with one panel per group, or per evenly spaced group if there are too many.
 
     The three heights of a panel are for one, two and three columns.
     """
     if len(groups) > MAX_PANELS:
-        places = np.unique(np.linspace(0, len(groups) - 1, MAX_PANELS).round().astype(int))
-        groups = [groups[index] for index in places]
+        indices = np.unique(np.linspace(0, len(groups) - 1, MAX_PANELS).round().astype(int))
+        groups = [groups[index] for index in indices]
     columns = column_count(len(groups))
     figure = new_figure(0.4 - (-len(groups) // columns) * panel_height[columns - 1])
     return figure, dict(
@@ -408,8 +411,8 @@ def _label_axes(
         axis.spines["right"].set_visible(True)
 
 
-def _axis_scales(loopset: Loops, places: Sequence[int]) -> tuple[Scale, Scale]:
-    loops = [loopset.loops[index] for index in places]
+def _axis_scales(loopset: Loops, indices: Sequence[int]) -> tuple[Scale, Scale]:
+    loops = [loopset.loops[index] for index in indices]
     return (
         quantity_scale(loopset.input, [_max_abs(loop.input) for loop in loops]),
         quantity_scale(loopset.output, [_max_abs(loop.output) for loop in loops]),

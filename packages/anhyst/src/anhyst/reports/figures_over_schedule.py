@@ -56,7 +56,7 @@ def parameter_unit(model: Model, name: str) -> str:
 
 
 def varying_parameters(model: Model) -> tuple[str, ...]:
-    """Return the names of the parameters that depend on the scheduling variable."""
+    """Return the parameters that depend on the scheduling variable by more than rounding."""
     return tuple(
         name
         for name in model.varying
@@ -73,13 +73,13 @@ def figure_parameters(model: Model) -> Figure | None:
     columns = column_count(len(names))
     height = 0.2 - (-len(names) // columns) * (3.2, 2.8, 2.3)[columns - 1]
     figure = new_figure(height, width=6.4 if columns == 1 else 9.6)
-    at = np.linspace(model.nodes[0], model.nodes[-1], CURVE_POINTS)
+    schedule = np.linspace(model.nodes[0], model.nodes[-1], CURVE_POINTS)
     x_scale = quantity_scale(model.schedule, model.nodes)
     for ax, name in zip(create_panels(figure, len(names)), names, strict=True):
-        curve = model.interpolate_parameter(name, at)
+        curve = model.interpolate_parameter(name, schedule)
         nodes = model.interpolate_parameter(name, model.nodes)
         y_scale = choose_scale(parameter_unit(model, name), np.abs(nodes).tolist())
-        ax.plot(x_scale.factor * at, y_scale.factor * curve, color=MODEL_COLOUR, lw=1.2)
+        ax.plot(x_scale.factor * schedule, y_scale.factor * curve, color=MODEL_COLOUR, lw=1.2)
         ax.plot(
             x_scale.factor * np.array(model.nodes),
             y_scale.factor * nodes,
@@ -105,20 +105,20 @@ def _sweep(model: Model, check: GapCheck | None) -> tuple[FloatArray, FloatArray
     if check is not None:
         return check.gaps, check.drive, check.output
     low, high = model.valid_range.input
-    half = np.linspace(0.0, high if abs(high) >= abs(low) else low, CURVE_POINTS // 2)
-    drive = np.concatenate([half, half[-2::-1]])
-    at = np.unique([*np.linspace(model.nodes[0], model.nodes[-1], GRID_POINTS), *model.nodes])
-    output = np.full((at.size, drive.size), np.nan)
-    for index, value in enumerate(at.tolist()):
+    rising = np.linspace(0.0, high if abs(high) >= abs(low) else low, CURVE_POINTS // 2)
+    drive = np.concatenate([rising, rising[-2::-1]])
+    schedule = np.unique([*np.linspace(model.nodes[0], model.nodes[-1], GRID_POINTS), *model.nodes])
+    output = np.full((schedule.size, drive.size), np.nan)
+    for index, value in enumerate(schedule.tolist()):
         if (loop := steady_state_loop(model, drive, value)) is not None:
             output[index] = loop
-    return at, drive, output
+    return schedule, drive, output
 
 
-def steady_state_loop(model: Model, drive: FloatArray, at: float) -> FloatArray | None:
+def steady_state_loop(model: Model, drive: FloatArray, schedule_value: float) -> FloatArray | None:
     """Return the output over a steady-state cycle without eddy-current lag; None if it fails."""
     try:
-        return model.predict(drive, at, slow_times(drive.size), "settled").output
+        return model.predict(drive, schedule_value, slow_times(drive.size), "settled").output
     except (InputError, NegativeResult):
         return None
 
@@ -140,18 +140,18 @@ def figure_between(model: Model, check: GapCheck | None = None) -> Figure | None
     if not model.varying or len(model.nodes) < 2 or model.valid is None:
         return None
     figure = new_figure(4.5)
-    left, right = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
+    loop_ax, schedule_ax = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
     input_scale = quantity_scale(model.input, model.valid.input)
     output_scale = quantity_scale(model.output, model.valid.output)
-    _draw_loops(left, model, input_scale, output_scale)
-    _draw_over_schedule(right, model, check, input_scale, output_scale)
+    _draw_loops(loop_ax, model, input_scale, output_scale)
+    _draw_over_schedule(schedule_ax, model, check, input_scale, output_scale)
     return figure
 
 
 def _draw_loops(ax: Axes, model: Model, input_scale: Scale, output_scale: Scale) -> None:
     assert model.schedule is not None
-    half = np.linspace(*model.valid_range.input, CURVE_POINTS)
-    drive = np.concatenate([half, half[-2::-1]])
+    rising = np.linspace(*model.valid_range.input, CURVE_POINTS)
+    drive = np.concatenate([rising, rising[-2::-1]])
     places = nodes_and_midpoints(model)
     schedule_scale = quantity_scale(model.schedule, model.nodes)
     for (at, is_node), colour in zip(places, _ordered_colours(len(places)), strict=True):
@@ -176,9 +176,9 @@ def _draw_over_schedule(
     ax: Axes, model: Model, check: GapCheck | None, input_scale: Scale, output_scale: Scale
 ) -> None:
     assert model.schedule is not None
-    at, drive, output = _sweep(model, check)
+    schedule, drive, output = _sweep(model, check)
     schedule_scale = quantity_scale(model.schedule, model.nodes)
-    x, is_node = schedule_scale.factor * at, np.isin(at, model.nodes)
+    x, is_node = schedule_scale.factor * schedule, np.isin(schedule, model.nodes)
     handles = []
     for share, colour in zip(DRIVE_SHARES, _ordered_colours(len(DRIVE_SHARES)), strict=True):
         row = round(share * (drive.size // 2))

@@ -51,7 +51,7 @@ def make_headline(subject: ModelSubject) -> Headline:
     """Return the head of the page: what the model is, its verdict and its main figures."""
     model = subject.model
     schedule_part = f" over the {subject.schedule_name}" if model.varying else ""
-    what = (
+    description = (
         f"From {subject.input_name} {display_symbol(model.input)} to {subject.output_name} "
         f"{display_symbol(model.output)}{schedule_part}: {model.operator_law.title}"
         + (f", map “{model.gap_map}”." if model.varying else ".")
@@ -67,17 +67,17 @@ def make_headline(subject: ModelSubject) -> Headline:
     all_notes = (*verdict_notes(subject), acceptance_note(subject), *notes)
     basis, loops = "", subject.fit.loops if subject.fit else ()
     if loops:
-        at = {loop.schedule for loop in loops if loop.schedule is not None}
+        schedule_values = {loop.schedule for loop in loops if loop.schedule is not None}
         plural = {"gap": "gaps"}.get(
             subject.schedule_name, f"values of the {subject.schedule_name}"
         )
-        where = f" at {len(at)} {plural}" if len(at) > 1 else ""
+        place = f" at {len(schedule_values)} {plural}" if len(schedule_values) > 1 else ""
         count = f"{len(loops)} loops" if len(loops) > 1 else "one loop"
         samples = sum(loop.samples for loop in loops)
-        basis = f"Identified from {count}{where}, {samples} samples."
+        basis = f"Identified from {count}{place}, {samples} samples."
     return Headline(
         title=model.name,
-        description=what,
+        description=description,
         basis=basis,
         notes=tuple(sorted(all_notes, key=lambda note: note.tone != "bad")),
         tiles=_tiles(subject),

@@ -66,11 +66,11 @@ def section_loops(subject: ModelSubject) -> Section | None:
     ]
     small = figures.figure_small_loops(evidence.loops, evidence.fitted)
     if small is not None:
-        shown = len(figures.find_small_loops(evidence.loops))
+        count = len(figures.find_small_loops(evidence.loops))
         blocks.append(
             subject.picture(
                 small,
-                f"The {shown} smallest loops, each in a panel of its own scale: measured samples "
+                f"The {count} smallest loops, each in a panel of its own scale: measured samples "
                 "as grey points, the model as blue lines.",
                 "Small loops, which are not visible in the panels above, each in its own scale.",
             )
@@ -81,8 +81,9 @@ def section_loops(subject: ModelSubject) -> Section | None:
 VISIBLE_HEIGHT_SHARE = 0.01
 """Increase of the loop height, as a share of the output range, above which the speed is visible."""
 
-_CYCLE_SAMPLES, _SPEED_RATIOS = 200, np.geomspace(1e-3, 1.5, 40)
-"""Samples of a cycle, and the speeds in which is looked, in parts of the fastest measured one."""
+_CYCLE_SAMPLES = 200
+_SPEED_RATIOS = np.geomspace(1e-3, 1.5, 40)
+"""Frequencies of the search for the corner, relative to the fastest measured loops."""
 
 
 def section_rate(subject: ModelSubject) -> Section | None:
@@ -114,7 +115,12 @@ def section_rate(subject: ModelSubject) -> Section | None:
             "grey points, the modelled loops as blue lines.",
             "Measured samples (points) and model (line) at each speed, the slow loops first.",
         ),
-        make_table("Errors by speed", head, rows, f"Of {subject.full_scale_text} of all loops."),
+        make_table(
+            "Errors by speed",
+            head,
+            rows,
+            f"“Of largest”: in % of {subject.full_scale_text} of all loops.",
+        ),
     ]
     return Section("rate", "Rate dependence", tuple(blocks))
 
@@ -129,8 +135,8 @@ def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop])
     if not residuals:
         return [*cells, *[Cell("")] * 4]
     all_residuals = np.concatenate(residuals)
-    for size in (rms(all_residuals), float(np.abs(all_residuals).max())):
-        cells += [Cell(scale.format(size)), Cell(subject.percent_of_largest(size))]
+    for error in (rms(all_residuals), float(np.abs(all_residuals).max())):
+        cells += [Cell(scale.format(error)), Cell(subject.percent_of_largest(error))]
     return cells
 
 
@@ -185,8 +191,8 @@ def rate_corner(model: Model) -> float | None:
     if not visible.size:
         return None
     first = int(visible[0])
-    ends, logs = increase[first - 1 : first + 1], np.log(rates[first - 1 : first + 1])
-    return float(np.exp(np.interp(VISIBLE_HEIGHT_SHARE, ends, logs)))
+    increases, logs = increase[first - 1 : first + 1], np.log(rates[first - 1 : first + 1])
+    return float(np.exp(np.interp(VISIBLE_HEIGHT_SHARE, increases, logs)))
 
 
 def _panels_text(subject: ModelSubject, evidence: Evidence) -> str:
@@ -246,14 +252,14 @@ def _worst_point_text(subject: ModelSubject, evidence: Evidence) -> str:
     size, index, sample = worst
     loop = evidence.loops.loops[index]
     branch = "rising" if figures.rising_samples(loop)[sample] else "falling"
-    at = loop.schedule_value
-    where = "" if at is None or evidence.loops.schedule is None else (
-        f", {schedule_text(evidence.loops.schedule, at)}"
+    schedule_value = loop.schedule_value
+    place = "" if schedule_value is None or evidence.loops.schedule is None else (
+        f", {schedule_text(evidence.loops.schedule, schedule_value)}"
     )  # fmt: skip
     drive = subject.input_scale.format_with_unit(float(loop.input[sample]))
     return (
         f"The largest deviation, {subject.deviation_scale.format_with_unit(size)}, is at {drive} on the {branch} "
-        f"branch of loop “{loop.label}”{where}."
+        f"branch of loop “{loop.label}”{place}."
     )
 
 
@@ -283,7 +289,7 @@ def _group_table(subject: ModelSubject, evidence: Evidence) -> list[Block]:
     head = [subject.schedule_name, "samples", scale.heading("mean"), "of largest", scale.heading("rms"),
             scale.heading("worst"), scale.heading("bias rising"), scale.heading("bias falling")]  # fmt: skip
     caption = (
-        f"“Of largest”: of {subject.full_scale_text} of all loops. Bias: mean of model minus "
+        f"“Of largest”: in % of {subject.full_scale_text} of all loops. Bias: mean of model minus "
         "measurement; if its sign differs between rising and falling branches, the modelled "
         "loop is too wide or too narrow."
     )
@@ -370,22 +376,22 @@ Column = tuple[str, Callable[[Any], str | Cell]]
 
 def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
     loops = inspection.loops
-    across = quantity_scale(
+    input_scale = quantity_scale(
         inspection.input, [v for o in loops for v in (o.input_low, o.input_high)]
     )
-    up = quantity_scale(
+    output_scale = quantity_scale(
         inspection.output, [v for o in loops for v in (o.output_low, o.output_high)]
     )
     columns: list[Column] = [
         ("samples", lambda one: str(one.samples)),
         ("cycles", lambda one: format_number(one.cycles, 2, short=True)),
         (
-            across.heading(subject.input_name),
-            lambda one: _format_range(across, one.input_low, one.input_high),
+            input_scale.heading(subject.input_name),
+            lambda one: _format_range(input_scale, one.input_low, one.input_high),
         ),
         (
-            up.heading(subject.output_name),
-            lambda one: _format_range(up, one.output_low, one.output_high),
+            output_scale.heading(subject.output_name),
+            lambda one: _format_range(output_scale, one.output_low, one.output_high),
         ),
     ]
     if any(loop.step is not None for loop in loops):
@@ -398,18 +404,18 @@ def _recording_table(subject: ModelSubject, inspection: Inspection) -> PageTable
 
 def _quality_table(subject: ModelSubject, inspection: Inspection) -> PageTable:
     loops = inspection.loops
-    across = quantity_scale(inspection.input, [loop.width for loop in loops])
-    up = quantity_scale(inspection.output, [loop.height for loop in loops])
+    input_scale = quantity_scale(inspection.input, [loop.width for loop in loops])
+    output_scale = quantity_scale(inspection.output, [loop.height for loop in loops])
     columns: list[Column] = [
-        (across.heading("width"), lambda one: across.format(one.width)),
-        (up.heading("height"), lambda one: up.format(one.height)),
-        (up.heading("noise σ"), lambda one: up.format(one.noise, 2)),
+        (input_scale.heading("width"), lambda one: input_scale.format(one.width)),
+        (output_scale.heading("height"), lambda one: output_scale.format(one.height)),
+        (output_scale.heading("noise σ"), lambda one: output_scale.format(one.noise, 2)),
     ]
     optional: list[Column] = [
-        (up.heading("drift"), lambda one: up.format(one.drift, 2)),
-        (up.heading("closure"), lambda one: up.format(one.closure, 2)),
-        (across.heading("offset in"), lambda one: across.format(one.input_offset, 2)),
-        (up.heading("offset out"), lambda one: up.format(one.output_offset, 2)),
+        (output_scale.heading("drift"), lambda one: output_scale.format(one.drift, 2)),
+        (output_scale.heading("closure"), lambda one: output_scale.format(one.closure, 2)),
+        (input_scale.heading("offset in"), lambda one: input_scale.format(one.input_offset, 2)),
+        (output_scale.heading("offset out"), lambda one: output_scale.format(one.output_offset, 2)),
         ("skew", lambda one: format_number(float("nan") if one.skew is None else one.skew, 2)),
         ("saturation", lambda one: Scale(1.0, "").format(one.saturation, 2)),
     ]
@@ -436,11 +442,15 @@ def _table_by_loop(
     scale, schedule = subject.schedule_scale, subject.model.schedule
     rows = []
     for loop in sorted(loops, key=lambda o: math.inf if o.schedule is None else o.schedule):
-        at = unknown if loop.schedule is None else scale.format(loop.schedule, 4, short=True)
-        row = [loop.label, *([] if schedule is None else [at])]
+        schedule_text = (
+            unknown if loop.schedule is None else scale.format(loop.schedule, 4, short=True)
+        )
+        row = [loop.label, *([] if schedule is None else [schedule_text])]
         rows.append([*row, *(text(loop) for _, text in columns)])
-    over = [] if schedule is None else [scale.heading(schedule.symbol)]
-    return make_table(title, ["loop", *over, *(name for name, _ in columns)], rows, caption)
+    schedule_heading = [] if schedule is None else [scale.heading(schedule.symbol)]
+    return make_table(
+        title, ["loop", *schedule_heading, *(name for name, _ in columns)], rows, caption
+    )
 
 
 def _format_range(scale: Scale, low: float, high: float) -> str:

@@ -38,14 +38,15 @@ from anhyst.support.page import (
 )
 
 GAP_MAP_TEXTS: Mapping[str, str] = {
-    "none": "No parameter depends on it.",
-    "scaling": "The iron is the same everywhere. Only the factor from input to field (c_H) "
-    "depends on it, as in the paper.",
-    "reluctance": "The iron is the same everywhere and has the hysteresis. A reluctance ρ in "
-    "series with it depends on it, as for an air gap.",
-    "circuit": "The iron is the same everywhere and has the hysteresis. A reluctance in series "
-    "with it, the output per flux and the offsets depend on the scheduling variable.",
-    "free": "All parameters can depend on it, those of the iron, too. For fixed values only.",
+    "none": "No parameter depends on the scheduling variable.",
+    "scaling": "The iron is the same everywhere. Only the factor from input to field (c_H) depends on "
+    "the scheduling variable, as in the paper.",
+    "reluctance": "The iron is the same everywhere and has the hysteresis. Only the series reluctance "
+    "ρ depends on the scheduling variable, as for an air gap.",
+    "circuit": "The iron is the same everywhere and has the hysteresis. The series reluctance, the "
+    "output per flux and the offsets depend on the scheduling variable.",
+    "free": "All parameters can depend on the scheduling variable, including those of the iron. This "
+    "map is for fixed values only.",
 }
 
 QUANTITY_MEANINGS: Mapping[str, str] = {
@@ -116,14 +117,16 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     rows: list[list[str | Cell]] = []
     for order, step in enumerate(steps, start=1):
         costs = sorted((cost, name) for name, cost in step.candidates.items())
-        others = [(cost, names.get(name, name)) for cost, name in costs if name != step.frozen]
-        listed = ", ".join(f"{name} {_format_cost(cost)}" for cost, name in others)
+        alternatives = [
+            (cost, names.get(name, name)) for cost, name in costs if name != step.frozen
+        ]
+        alternatives_text = ", ".join(f"{name} {_format_cost(cost)}" for cost, name in alternatives)
         frozen = Cell(names.get(step.frozen, step.frozen), strong=True)
         bar = step.cost_after / largest_cost if largest_cost else None
         after = Cell(format_percent(step.cost_after, 3), bar=bar)
         rise = format_percent(step.cost_after - step.cost_before, 2)
         before = format_percent(step.cost_before, 3)
-        rows.append([str(order), frozen, listed or "none", before, after, rise])
+        rows.append([str(order), frozen, alternatives_text or "none", before, after, rise])
     head = ["round", "fixed", "instead of", "before", "after", "rise"]
     freezing = (
         f"{format_percent(step.cost_after)} after fixing {names.get(step.frozen, step.frozen)}"
@@ -267,18 +270,17 @@ def _expected_error_text(subject: ModelSubject, validation: CrossValidation) -> 
         return (
             f"Expected at other samples of such loops: mean deviation {format_percent(validation.error)} of the "
             f"largest {subject.output_name}, in nine of ten cases {format_percent(validation.interval[0])} to "
-            f"{format_percent(validation.interval[1])}. Found "
-            f"({fold_errors}) while blocks of samples were withheld from the fit "
-            "and from the choice of the law. It does not apply to loops of other sizes."
+            f"{format_percent(validation.interval[1])}. The "
+            f"errors ({fold_errors}) are from cross-validation: blocks of samples were withheld from "
+            "the fit and the choice of the law. They do not apply to loops of other sizes."
         )
     return (
         f"Expected at a {subject.schedule_name} between those measured: mean deviation "
         f"{format_percent(validation.error)} of {subject.full_scale_text}, in nine of ten cases "
-        f"{format_percent(validation.interval[0])} to {format_percent(validation.interval[1])}. Found "
-        f"({fold_errors}) where "
-        f"the {subject.schedule_name} was left out of the fit, of the choice of the map "
-        f"and of the decision about offsets; "
-        "noise of the sensor is taken off."
+        f"{format_percent(validation.interval[0])} to {format_percent(validation.interval[1])}. The "
+        f"errors ({fold_errors}) are from cross-validation: each {subject.schedule_name} was withheld "
+        "from the fit, the choice of the map and the decision about offsets. They do not include the "
+        "noise of the sensor."
     )
 
 
@@ -339,15 +341,15 @@ def equations_markup(subject: ModelSubject) -> Markup:
     # The field and flux density of the iron need other symbols if input or output use H or B.
     field = symbol_markup("H_iron" if model.input.symbol == "H" else "H")
     flux = symbol_markup("B_iron" if model.output.symbol == "B" else "B")
-    left = Markup("{} − {}").format(drive, names["in_0"]) if is_nonzero("in_0") else drive
+    left_side = Markup("{} − {}").format(drive, names["in_0"]) if is_nonzero("in_0") else drive
     if model.parameters["c_H"] != 1.0:
         form = "{} · ({})" if is_nonzero("in_0") else "{} · {}"
-        left = Markup(form).format(names["c_H"], left)
-    right = field
+        left_side = Markup(form).format(names["c_H"], left_side)
+    right_side = field
     if is_nonzero("rho"):
-        right += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux)
+        right_side += Markup(" + {} · {}/µ<sub>0</sub>").format(names["rho"], flux)
     if is_nonzero("gamma"):
-        right += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux)
+        right_side += Markup(" + {} · d{}/d<i>t</i>").format(names["gamma"], flux)
     output = Markup("{}{}").format(flux, Markup("<sup>2</sup>") if model.power == 2 else "")
     if model.parameters["c_out"] != 1.0:
         output = Markup("{} · {}").format(names["c_out"], output)
@@ -355,7 +357,7 @@ def equations_markup(subject: ModelSubject) -> Markup:
         output += Markup(" + {}").format(names["out_0"])
     return Markup(
         '<span class="formula">{} = {}</span> <span class="formula">{} = {}</span>'
-    ).format(left, right, answer, output)
+    ).format(left_side, right_side, answer, output)
 
 
 def symbol_markup(name: str) -> Markup:
@@ -419,10 +421,12 @@ def _correlation_text(uncertainty: Uncertainty) -> str:
         ),
         reverse=True,
     )
-    strongest = (f"{one} with {two} {format_number(value, 3)}" for _, one, two, value in pairs[:3])
-    named = "; ".join(strongest)
+    strongest = (
+        f"{first} with {second} {format_number(value, 3)}" for _, first, second, value in pairs[:3]
+    )
+    pairs_text = "; ".join(strongest)
     text = f"Heat map of {len(uncertainty.names)} by {len(uncertainty.names)} correlations"
-    return f"{text}, the strongest: {named}." if named else f"{text}."
+    return f"{text}, the strongest: {pairs_text}." if pairs_text else f"{text}."
 
 
 def section_origin(subject: ModelSubject, file_name: str, file_hash: str) -> Section:
@@ -459,5 +463,5 @@ def section_origin(subject: ModelSubject, file_name: str, file_hash: str) -> Sec
 
 
 def _setting_name(key: str) -> str:
-    plain = key.removeprefix(SETTING_PREFIX).replace("_", " ")
-    return f"reading: {plain}" if key.startswith(SETTING_PREFIX) else plain
+    name = key.removeprefix(SETTING_PREFIX).replace("_", " ")
+    return f"reading: {name}" if key.startswith(SETTING_PREFIX) else name

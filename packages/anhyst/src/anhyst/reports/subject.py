@@ -145,8 +145,8 @@ def gather_evidence(model: Model, folder: PathLike) -> Evidence:
 def _read_loops(model: Model, folder: PathLike) -> tuple[Loops, Loops]:
     """Read the loops without thinning, which hides noise and delay, and as they were fitted."""
     origin = model.provenance
-    written = origin.settings.get(f"{SETTING_PREFIX}clean", ",".join(DEFAULT_STEPS))
-    steps = [step.strip() for step in str(written).split(",")]
+    clean_setting = origin.settings.get(f"{SETTING_PREFIX}clean", ",".join(DEFAULT_STEPS))
+    steps = [step.strip() for step in str(clean_setting).split(",")]
     if steps[-1] != "thin":
         loops = read_sources(model, folder)
         return loops, loops

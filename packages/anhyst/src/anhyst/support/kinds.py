@@ -255,11 +255,13 @@ def require_kind(
     if kind in accepted or kind is UNKNOWN_FILE:
         return kind
     if verb:
-        names = _join_words([other.plural for other in accepted], "and")
+        names = _join_words([accepted_kind.plural for accepted_kind in accepted], "and")
         reason = f": {kind.reasons[verb]}" if verb in kind.reasons else ""
         requirement = f"{verb} is for {names}{reason}"
     else:
-        requirement = f"{_join_words([one.title for one in accepted], 'or')} is needed"
+        requirement = (
+            f"{_join_words([accepted_kind.title for accepted_kind in accepted], 'or')} is needed"
+        )
     raise InputError(
         f"{path}: this is {kind.title}; {requirement}; {kind.usage}", code="wrong-kind"
     )

@@ -80,7 +80,8 @@ def triangle_wave(turns: ArrayLike) -> FloatArray:
 
 
 _Q31_ONE = 2.0**31
-_MIN_SHIFT, _MAX_SHIFT = -15, 16
+_MIN_SHIFT = -15
+_MAX_SHIFT = 16
 _MIN_MANTISSA = 512  # smallest mantissa with a rounding error of at most 0.1 %
 
 

@@ -43,9 +43,9 @@ def _all_entry_points() -> tuple[EntryPoint, ...]:
 
 def entry_points_in(group: str) -> list[EntryPoint]:
     """Return the entry points of a group; those of this project come first."""
-    found = [point for point in _all_entry_points() if point.group == group]
+    entries = [point for point in _all_entry_points() if point.group == group]
     return sorted(
-        found,
+        entries,
         key=lambda entry: (
             package_name(entry) not in PROJECT_PACKAGES,
             package_name(entry),

@@ -109,7 +109,7 @@ class FileProblem:
 
 
 class TomlFileError(InputError):
-    """A file does not fit its schema. The text states the first of its problems in full."""
+    """A file does not fit its schema. `problems` has all faults; the text states the first."""
 
     def __init__(self, path: PathLike, problems: Iterable[FileProblem]) -> None:
         # Missing keys come last: most of them are misspelt, and reported at their line as unknown.
@@ -118,7 +118,7 @@ class TomlFileError(InputError):
         location = str(path) if first.line is None else f"{path}:{first.line}"
         text = f"{location}: {first.key}: {first.text}"
         if others:
-            named = [
+            other_keys = [
                 f"{o.key} (line {o.line})" if o.line else o.key for o in others[:MAX_NAMED_PROBLEMS]
             ]
             more = (
@@ -126,7 +126,7 @@ class TomlFileError(InputError):
                 if len(others) > MAX_NAMED_PROBLEMS
                 else ""
             )
-            text += f"; also wrong: {', '.join(named)}{more}"
+            text += f"; also wrong: {', '.join(other_keys)}{more}"
         super().__init__(text, code=first.code, key=first.key)
 
 
@@ -240,8 +240,8 @@ def discriminate_by(key: str, *choices: str, default: str = "", **aliases: str) 
     """Return a discriminator of tables in a list: the value of a key, or its alias."""
 
     def tag(value: Any) -> str:
-        named = value.get(key) if isinstance(value, dict) else getattr(value, key, None)
-        word = default if named is None else str(named)
+        key_value = value.get(key) if isinstance(value, dict) else getattr(value, key, None)
+        word = default if key_value is None else str(key_value)
         return f"{BRANCH_PREFIX}{aliases.get(word, word)}"
 
     *others, last = (f'"{word}"' for word in choices)

@@ -136,9 +136,9 @@ class _Scanner:
     def _read_key(self) -> list[str]:
         parts = []
         while match := _KEY_PART.match(self.text, self.position):
-            written = match[1]
-            quoted = written[0] in "\"'"
-            parts.append(next(iter(tomllib.loads(f"{written} = 0"))) if quoted else written)
+            part_text = match[1]
+            quoted = part_text[0] in "\"'"
+            parts.append(next(iter(tomllib.loads(f"{part_text} = 0"))) if quoted else part_text)
             self.position = match.end()
             if not self.text.startswith(".", self.position):
                 break

@@ -289,11 +289,11 @@ def find_unit(text: str) -> Unit | None:
 
     Symbols are case-sensitive (mN and MN differ), words are not.
     """
-    plain = text.strip().replace("µ", "u").replace("μ", "u").replace("°", "deg")
-    plain = plain.replace("⁻¹", "^-1").replace("''", '"').replace('"', "in")
-    plain = re.sub(r"_per_|\s+per\s+", "/", plain)
-    plain = _PER_LENGTH_PATTERN.sub(r"\1/\2", plain)
-    top, stroke, bottom = plain.partition("/")
+    normalised = text.strip().replace("µ", "u").replace("μ", "u").replace("°", "deg")
+    normalised = normalised.replace("⁻¹", "^-1").replace("''", '"').replace('"', "in")
+    normalised = re.sub(r"_per_|\s+per\s+", "/", normalised)
+    normalised = _PER_LENGTH_PATTERN.sub(r"\1/\2", normalised)
+    top, stroke, bottom = normalised.partition("/")
     return UNITS.get(_symbol(top) + stroke + _symbol(bottom))
 
 
@@ -324,18 +324,20 @@ def parse_header(text: str, unit: str | None = None) -> Header:
 
 def _parse_text(text: str, unit: str | None) -> Header:
     """Parse the text of a column header without blanks around it."""
-    name, written = split_header(text, unit)
+    name, unit_text = split_header(text, unit)
     problem, conflict = None, _find_conflict(text, unit)
     if conflict:
         problem = f"its name says {conflict[0]}, its unit {conflict[1]}"
-        name, written = split_header(split_header(text)[0] if unit is None else text)
+        name, unit_text = split_header(split_header(text)[0] if unit is None else text)
     if name.lower() == LOOP_HEADER:
         return Header(text, LOOP_HEADER, None, None)
     quantity = _find_quantity(name)
-    stated = written if unit or _BRACKET_PATTERN.match(text) or fold(written) in RAW_UNITS else ""
-    if not written and (other := _UNSUPPORTED_UNIT_PATTERN.search(text)):
-        stated = other[1]
-    axis = find_unit(written) or find_unit(written.lower())
+    stated = (
+        unit_text if unit or _BRACKET_PATTERN.match(text) or fold(unit_text) in RAW_UNITS else ""
+    )
+    if not unit_text and (unsupported := _UNSUPPORTED_UNIT_PATTERN.search(text)):
+        stated = unsupported[1]
+    axis = find_unit(unit_text) or find_unit(unit_text.lower())
     if name.lower() in _TIME_AXIS_NAMES and axis is not None and axis.dimension == "time":
         quantity = QUANTITIES["time"]
     if name in {"lambda", "λ", "Λ"} and axis is not None and axis.dimension == "flux_linkage":
@@ -347,21 +349,21 @@ def _parse_text(text: str, unit: str | None) -> Header:
             or Quantity(name, name, "1")
         )
         return Header(text, name, quantity, None, problem, stated, conflict=conflict)
-    is_gap = not written and named_quantities(name) == {"gap"}
+    is_gap = not unit_text and named_quantities(name) == {"gap"}
     if quantity is None and is_gap and not (has_qualifier(name) or is_formula(name)):
         quantity = QUANTITIES["gap"]
-    if quantity is None and not written:
-        clock, written = _parse_clock(name)
+    if quantity is None and not unit_text:
+        clock, unit_text = _parse_clock(name)
         if clock != name:
-            unit_of_clock = find_unit(written)
+            unit_of_clock = find_unit(unit_text)
             problem = (
                 None if unit_of_clock else _describe_unit_problem(QUANTITIES["time"], "", None)
             )
             return Header(
                 text, clock, QUANTITIES["time"], unit_of_clock, problem, is_from_words=True
             )
-    header_unit = find_unit(written) if written else None
-    if quantity is not None and quantity.unit == "1" and not written:
+    header_unit = find_unit(unit_text) if unit_text else None
+    if quantity is not None and quantity.unit == "1" and not unit_text:
         header_unit = UNITS["1"]
     if (
         quantity is None
@@ -377,9 +379,9 @@ def _parse_text(text: str, unit: str | None) -> Header:
         )
     if quantity is None:
         unknown_quantity = Quantity(name, name, header_unit.si if header_unit else "1")
-        problem = _unknown_unit_text(written) if written and not header_unit else None
+        problem = _unknown_unit_text(unit_text) if unit_text and not header_unit else None
         return Header(text, name, unknown_quantity, header_unit, problem, stated)
-    problem = _describe_unit_problem(quantity, written, header_unit)
+    problem = _describe_unit_problem(quantity, unit_text, header_unit)
     return Header(text, quantity.symbol, quantity, header_unit, problem, stated)
 
 
@@ -416,11 +418,11 @@ def split_header(text: str, unit: str | None = None) -> tuple[str, str]:
     """
     text = text.strip()
     stated = (unit or "").strip(" []()")
-    name, written = _split_brackets(text)
-    if not stated or (stated == _NO_UNIT_MARK and find_unit(written)):
-        return name, written
+    name, unit_text = _split_brackets(text)
+    if not stated or (stated == _NO_UNIT_MARK and find_unit(unit_text)):
+        return name, unit_text
     return (
-        (name, stated) if _is_same_unit(find_unit(written), find_unit(stated)) else (text, stated)
+        (name, stated) if _is_same_unit(find_unit(unit_text), find_unit(stated)) else (text, stated)
     )
 
 
@@ -429,33 +431,35 @@ def join_header(name: str, unit: str) -> str:
     if not unit:
         return name
     header = f"{name}_{unit.replace('/', '_per_')}"
-    plain = (
+    is_unambiguous = (
         find_unit(unit) is not None and _split_underscore(header)[0] == name and " " not in header
     )
-    return header if plain and not _BRACKET_PATTERN.match(header) else f"{name} [{unit}]"
+    return header if is_unambiguous and not _BRACKET_PATTERN.match(header) else f"{name} [{unit}]"
 
 
 def _split_brackets(text: str) -> tuple[str, str]:
     """Split a header at the brackets around its unit, or else as `_split_underscore` does."""
     brackets, inner = _BRACKET_PATTERN.match(text), _INNER_BRACKET_PATTERN.match(text)
     if brackets and find_unit(brackets["unit"]):
-        name, written = brackets["name"].strip(), brackets["unit"].strip()
+        name, unit_text = brackets["name"].strip(), brackets["unit"].strip()
         inner_name, inner_unit = _split_brackets(name) if name else ("", "")
         return (
-            (inner_name, written)
-            if _is_same_unit(find_unit(inner_unit), find_unit(written))
-            else (name, written)
+            (inner_name, unit_text)
+            if _is_same_unit(find_unit(inner_unit), find_unit(unit_text))
+            else (name, unit_text)
         )
     if inner and find_unit(inner["unit"]):
         return f"{inner['name']} {inner['tail']}", inner["unit"].strip()
     if brackets:
-        name, written = brackets["name"].strip(), brackets["unit"].strip()
+        name, unit_text = brackets["name"].strip(), brackets["unit"].strip()
         inner_name, inner_unit = _split_underscore(name.replace(" ", "_"))
         return (
-            (f"{inner_name} ({written})", inner_unit) if find_unit(inner_unit) else (name, written)
+            (f"{inner_name} ({unit_text})", inner_unit)
+            if find_unit(inner_unit)
+            else (name, unit_text)
         )
-    plain = re.sub(r"\s+in\s+", " ", text)
-    return _split_slash(text) or _split_underscore(plain.replace(" ", "_"))
+    without_in = re.sub(r"\s+in\s+", " ", text)
+    return _split_slash(text) or _split_underscore(without_in.replace(" ", "_"))
 
 
 def _split_slash(text: str) -> tuple[str, str] | None:
@@ -466,30 +470,30 @@ def _split_slash(text: str) -> tuple[str, str] | None:
               if text.startswith(sign) and len(text) > len(sign) + 1]  # fmt: skip
     unknown_split = None
     for head, tail in pairs:
-        name, written = head.strip(" _"), tail.strip(" _")
-        unit, quantity = find_unit(written), _find_quantity(name)
+        name, unit_text = head.strip(" _"), tail.strip(" _")
+        unit, quantity = find_unit(unit_text), _find_quantity(name)
         if unit is None or not name or find_unit(text) or not _can_end_with(name, unit):
             continue
         names = {quantity.name} if quantity else named_quantities(name)
         is_stroke, is_time = text[len(head)] == "/", name == "T" and unit.dimension == "time"
-        if unit.dimension in {QUANTITY_DIMENSIONS.get(one, one) for one in names} or (
+        if unit.dimension in {QUANTITY_DIMENSIONS.get(key, key) for key in names} or (
             is_time and is_stroke
         ):
-            return name, written
+            return name, unit_text
         # 'J/T' is a name and a unit; 'F/A' and 'm/s' are ratios.
-        is_named = len(written) > 1 if quantity else find_unit(name) is None
-        if unknown_split is None and is_stroke and is_named and written != "1":
-            unknown_split = name, written
+        is_named = len(unit_text) > 1 if quantity else find_unit(name) is None
+        if unknown_split is None and is_stroke and is_named and unit_text != "1":
+            unknown_split = name, unit_text
     return unknown_split
 
 
 def _find_conflict(text: str, unit: str | None) -> tuple[str, ...]:
     """Return the two different units that a header states; empty if they do not differ."""
     stated = (unit or "").strip(" []()")
-    name, written = split_header(text)
+    name, unit_text = split_header(text)
     if not stated and _BRACKET_PATTERN.match(text):
         # The volts of 'I_A [V]' come from a sensor. The A of 'I_mA [A]' are a contradiction.
-        inner, outer = find_unit(split_header(name)[1]), find_unit(written)
+        inner, outer = find_unit(split_header(name)[1]), find_unit(unit_text)
         if (
             inner
             and outer
@@ -497,15 +501,15 @@ def _find_conflict(text: str, unit: str | None) -> tuple[str, ...]:
             and not _is_same_unit(inner, outer)
         ):
             return inner.symbol, outer.symbol
-    own = find_unit(written) if written else None
+    name_unit = find_unit(unit_text) if unit_text else None
     if (
         not stated
         or stated == _NO_UNIT_MARK
-        or own is None
-        or _is_same_unit(own, find_unit(stated))
+        or name_unit is None
+        or _is_same_unit(name_unit, find_unit(stated))
     ):
         return ()
-    return written, stated
+    return unit_text, stated
 
 
 def _is_same_unit(first: Unit | None, other: Unit | None) -> bool:
@@ -533,8 +537,8 @@ def _can_end_with(head: str, unit: Unit) -> bool:
         return False
     if unit.symbol not in _AMBIGUOUS_UNITS:
         return True
-    known = _find_quantity(head)
-    names = {known.name} if known else named_quantities(head)
+    quantity = _find_quantity(head)
+    names = {quantity.name} if quantity else named_quantities(head)
     return unit.dimension in {QUANTITY_DIMENSIONS.get(name, name) for name in names}
 
 
@@ -543,14 +547,14 @@ def _find_quantity(name: str) -> Quantity | None:
     return QUANTITIES[key] if key else None
 
 
-def _describe_unit_problem(quantity: Quantity, written: str, unit: Unit | None) -> str | None:
+def _describe_unit_problem(quantity: Quantity, unit_text: str, unit: Unit | None) -> str | None:
     dimension = QUANTITY_DIMENSIONS.get(quantity.name, quantity.name)
     examples = " or ".join(
         f"'{quantity.symbol}_{symbol}'" for symbol in _example_symbols(dimension)
     )
     if unit is None:
-        if written:
-            return f"{_unknown_unit_text(written)}; write {examples}"
+        if unit_text:
+            return f"{_unknown_unit_text(unit_text)}; write {examples}"
         return f"has no unit; call it {examples}"
     if unit.dimension != dimension:
         kind = unit.dimension.replace("_", " ")
@@ -569,8 +573,8 @@ def _example_symbols(dimension: str) -> tuple[str, ...]:
 
 
 def _unknown_unit_text(text: str) -> str:
-    near = difflib.get_close_matches(text, UNITS, n=2, cutoff=0.5)
-    hint = f" (did you mean {' or '.join(near)}?)" if near else ""
+    similar = difflib.get_close_matches(text, UNITS, n=2, cutoff=0.5)
+    hint = f" (did you mean {' or '.join(similar)}?)" if similar else ""
     return f"unknown unit '{text}'{hint}"
 
 

@@ -164,16 +164,18 @@ def named_quantities(name: str) -> set[str]:
     (['current'], ['force', 'voltage'])
     """
     words = set(split_words(name))
-    return {quantity for quantity, listed in QUANTITY_WORDS.items() if words & listed}
+    return {
+        quantity for quantity, quantity_words in QUANTITY_WORDS.items() if words & quantity_words
+    }
 
 
 def is_drive(name: str) -> bool:
     """Whether all words of a name fit a voltage that drives an actuator."""
-    found = split_words(name)
-    words = [word for word in found if word not in QUANTITY_WORDS["voltage"]]
+    all_words = split_words(name)
+    words = [word for word in all_words if word not in QUANTITY_WORDS["voltage"]]
     heads = [next((word.removesuffix(end) for end in _COMPOUND_ENDINGS if word.endswith(end)), word)
              for word in words]  # fmt: skip
-    return bool(found) and _DRIVE_WORDS.issuperset(heads)
+    return bool(all_words) and _DRIVE_WORDS.issuperset(heads)
 
 
 def _word_parts(name: str) -> set[str]:
@@ -229,5 +231,9 @@ def undo_formula(name: str) -> str:
         return match[1]
     if re.fullmatch(r"-\s*\w+", spaced_name):
         return "-1"
-    found = _FORMULA_PATTERN.search(spaced_name)
-    return "FACTOR" if found and (found["symbol"] or re.search(r"[\s(]x\s?\d", spaced_name)) else ""
+    formula = _FORMULA_PATTERN.search(spaced_name)
+    return (
+        "FACTOR"
+        if formula and (formula["symbol"] or re.search(r"[\s(]x\s?\d", spaced_name))
+        else ""
+    )

@@ -79,13 +79,13 @@ def _python_argument(match: re.Match[str]) -> str:
     if option.startswith("no-"):
         return f"{option.removeprefix('no-').replace('-', '_')}=False"
     name = _ARGUMENT_NAMES.get(option, option.replace("-", "_"))
-    given = match["value"]
-    if given is None:
+    value_text = match["value"]
+    if value_text is None:
         return name
-    value = given.rstrip(",.:)")
-    tail = given[len(value) :]
+    value = value_text.rstrip(",.:)")
+    tail = value_text[len(value) :]
     if not _is_value(value):
-        return f"{name} {given}"
+        return f"{name} {value_text}"
     return f"{name}={_python_literal(option, value)}{tail}"
 
 
@@ -111,10 +111,10 @@ def _python_mapping(text: str, *, has_numbers: bool) -> str:
     for part in _PAIR_PATTERN.findall(text):
         name, _, value = part.rpartition("=")
         name = name[1:-1] if name[:1] == name[-1:] == '"' else name
-        shown = (
+        value_text = (
             value if has_numbers and _is_number(value) else json.dumps(value, ensure_ascii=False)
         )
-        pairs.append(f"{json.dumps(name, ensure_ascii=False)}: {shown}")
+        pairs.append(f"{json.dumps(name, ensure_ascii=False)}: {value_text}")
     return f"{{{', '.join(pairs)}}}"
 
 
@@ -131,8 +131,8 @@ _IRREGULAR_PLURALS = {"history": "histories", "series": "series"}
 
 def written_files_text(out: object, files: Sequence[str], max_named: int = 6) -> str:
     """Return a text that names the files written into a folder, or only the first ones of many."""
-    named, other_count = ", ".join(files[:max_named]), len(files) - max_named
-    return f"written to {out}: {named}" + f" and {other_count} more" * (other_count > 0)
+    first_names, other_count = ", ".join(files[:max_named]), len(files) - max_named
+    return f"written to {out}: {first_names}" + f" and {other_count} more" * (other_count > 0)
 
 
 def count_text(count: int, noun: str) -> str:

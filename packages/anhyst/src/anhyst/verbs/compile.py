@@ -76,7 +76,7 @@ def compile(  # noqa: A001
         platformio, arduino (libraries) or cargo (a Rust no_std crate). Not for a stage. [default: C
         with fragments for make and CMake]
     progress : callable, optional
-        Called with what is done and what there is in all.
+        Called with the work done and the total work.
 
     Returns
     -------

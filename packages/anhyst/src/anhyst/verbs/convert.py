@@ -38,7 +38,7 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
     Raises
     ------
     InputError
-        The source cannot be read, the format cannot be written, or it holds nothing of the source.
+        The source cannot be read, or the format cannot be written or stores nothing of the source.
 
     Examples
     --------

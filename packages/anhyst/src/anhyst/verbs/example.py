@@ -33,7 +33,7 @@ def example(name: Name, out: PathLike) -> CopiedExample:
     Returns
     -------
     CopiedExample
-        The folder, its files, and commands to go on with.
+        The folder, its files, and the commands to run next.
 
     Raises
     ------

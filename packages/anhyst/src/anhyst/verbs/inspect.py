@@ -44,7 +44,7 @@ def inspect(
     plot : path-like, ``FILE``, optional
         Draw the loops (png, svg or pdf).
     progress : callable, optional
-        Called with bytes read and size of the present file.
+        Called with the bytes read and the size of the current file.
     **reading
         How files or columns are read: the keywords of `read_loops`, and ``clean``, the cleaning
         steps. The loops are not thinned, because that hides noise and delay.
@@ -56,7 +56,7 @@ def inspect(
     Raises
     ------
     InputError
-        The record cannot be what its headers say.
+        The record contradicts its headers.
 
     Examples
     --------
@@ -78,13 +78,13 @@ def inspect(
     return inspection
 
 
-def preview(given: Mapping[str, Any]) -> Iterator[TerminalTable]:
+def preview(arguments: Mapping[str, Any]) -> Iterator[TerminalTable]:
     """Return a table of the channels of a recording."""
     from anhyst.support.atomic import check_picture
 
-    if given["plot"] is not None:
-        check_picture(given["plot"])
-    if channels := _list_channels(given):
+    if arguments["plot"] is not None:
+        check_picture(arguments["plot"])
+    if channels := _list_channels(arguments):
         from anhyst.cli.printing import TerminalTable
 
         rows = TerminalTable("channels", ["name", "unit", "samples", "per s", "range", "is"])
@@ -95,26 +95,26 @@ def preview(given: Mapping[str, Any]) -> Iterator[TerminalTable]:
         yield rows
 
 
-def as_json(result: Inspection, given: Mapping[str, Any]) -> dict[str, Any]:
+def as_json(result: Inspection, arguments: Mapping[str, Any]) -> dict[str, Any]:
     """Return the result for ``--json``."""
-    channels = _list_channels(given)
+    channels = _list_channels(arguments)
     content = {"channels": [asdict(channel) for channel in channels]} if channels else {}
     return result.as_dict() | content
 
 
-def _list_channels(given: Mapping[str, Any]) -> list[ChannelFigures]:
+def _list_channels(arguments: Mapping[str, Any]) -> list[ChannelFigures]:
     """Return the channels of a recording; empty for a text file, whose header names the columns."""
     from anhyst.data.formats import ChannelTable, open_table
     from anhyst.data.table import list_channels
 
-    loops: Sequence[Path] = given["loops"]
-    is_alone = len(loops) == 1 and not loops[0].is_dir() and not given["columns"]
+    loops: Sequence[Path] = arguments["loops"]
+    is_alone = len(loops) == 1 and not loops[0].is_dir() and not arguments["columns"]
     if not is_alone or not isinstance(open_table(loops[0]), ChannelTable):
         return []
     return list_channels(loops[0])
 
 
-def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[OutputPart]:
+def show(inspection: Inspection, arguments: Mapping[str, Any]) -> Iterator[OutputPart]:
     """Return the terminal output: verdict, how the loops were read, and figures of each loop."""
     from anhyst.cli.printing import TerminalTable
     from anhyst.support.units import choose_display_unit, schedule_scale
@@ -145,8 +145,8 @@ def show(inspection: Inspection, given: Mapping[str, Any]) -> Iterator[OutputPar
     yield from _with_title("speed", (inspection.rate,) if inspection.rate else ())
     yield figures
     yield from _with_title("histories", histories)
-    if given["plot"] is not None:
-        yield f"{given['plot']} written"
+    if arguments["plot"] is not None:
+        yield f"{arguments['plot']} written"
 
 
 def _loop_row(loop: LoopFigures, scale: float | None, output_factor: float) -> list[str]:

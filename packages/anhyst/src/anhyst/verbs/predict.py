@@ -48,17 +48,17 @@ def predict(
         repeated until it closes), or 'conditioned:0,2,0' (reversal points of the input in SI
         units). [default: as in the model]
     progress : callable, optional
-        Called with bytes read and file size.
+        Called with the bytes read and the file size.
 
     Returns
     -------
     RunSummary
-        It contains the columns of the output file, too.
+        The run, with the columns of the output file.
 
     Raises
     ------
     InputError
-        A file cannot be read or written, a column is missing, or a sample is refused.
+        A file cannot be read or written, a column is missing, or a sample is not valid.
 
     Examples
     --------

@@ -30,8 +30,8 @@ def report(model: Model | PathLike, out: PathLike = "report.html") -> tuple[str,
     Returns
     -------
     tuple of str
-        What a user should know, one sentence each: measurements that could not be read, figures
-        that are stale, an acceptance test that failed.
+        Warnings, one sentence each: measurements that could not be read, fit figures that are out
+        of date, an acceptance test that failed.
 
     Raises
     ------
@@ -52,6 +52,6 @@ def warnings(result: tuple[str, ...]) -> tuple[str, ...]:
     return result
 
 
-def as_json(result: tuple[str, ...], given: Mapping[str, Any]) -> dict[str, Any]:
+def as_json(result: tuple[str, ...], arguments: Mapping[str, Any]) -> dict[str, Any]:
     """Return the result for ``--json``."""
-    return {"out": str(given["out"]), "warnings": list(result)}
+    return {"out": str(arguments["out"]), "warnings": list(result)}

@@ -202,7 +202,10 @@ def _format_length(value: float) -> str:
 
 
 _BOX_GAP_IN = 0.46
-_LEFT_EDGE_IN, _TOP_ROW_IN, _MIDDLE_ROW_IN, _LOW_ROW_IN = 0.62, 3.95, 1.95, 0.56
+_LEFT_EDGE_IN = 0.62
+_TOP_ROW_IN = 3.95
+_MIDDLE_ROW_IN = 1.95
+_LOW_ROW_IN = 0.56
 _LOAD_HEIGHT_IN = 0.96
 _FIGURE_SIZE_IN = (_LEFT_EDGE_IN + 4 * BOX_WIDTH_IN + 3 * _BOX_GAP_IN + 0.5, 4.8)
 
@@ -278,13 +281,15 @@ def _draw_signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
 
 def _draw_load_and_gap(ax: Axes, columns: Sequence[float]) -> None:
     """Draw the load and the moving gap, below the plant."""
-    half, floor = 0.5 * BOX_WIDTH_IN, _MIDDLE_ROW_IN - 0.5 * BOX_HEIGHT_IN
-    left = columns[1] - 0.5 * half
+    half_width, floor = 0.5 * BOX_WIDTH_IN, _MIDDLE_ROW_IN - 0.5 * BOX_HEIGHT_IN
+    load_x = columns[1] - 0.5 * half_width
     draw_arrow(
-        ax, [(columns[0] + half, _LOW_ROW_IN), (left, _LOW_ROW_IN), (left, floor)], FALLING_COLOUR
+        ax,
+        [(columns[0] + half_width, _LOW_ROW_IN), (load_x, _LOW_ROW_IN), (load_x, floor)],
+        FALLING_COLOUR,
     )
-    draw_label(ax, (0.5 * (columns[0] + half + left), _LOW_ROW_IN + 0.05), "load")
-    start, lane = columns[1] + 0.5 * half, 0.5 * (_LOW_ROW_IN + floor)
+    draw_label(ax, (0.5 * (columns[0] + half_width + load_x), _LOW_ROW_IN + 0.05), "load")
+    start, lane = columns[1] + 0.5 * half_width, 0.5 * (_LOW_ROW_IN + floor)
     ax.plot([start, start], [floor, lane], color=RISING_COLOUR, lw=1.3)
     draw_arrow(ax, [(start, lane), (columns[3], lane), (columns[3], floor)])
     draw_arrow(ax, [(columns[2], lane), (columns[2], floor)])

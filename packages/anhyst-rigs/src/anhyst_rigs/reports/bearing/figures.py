@@ -39,7 +39,8 @@ from anhyst_rigs.study.engine.table import Interval
 Recordings = Mapping[MethodName, Recording]
 """Recordings of the same scenario, by variant."""
 
-_SHOWN_BEFORE_S, _SHOWN_AFTER_S = 2e-3, 0.02  # shown before and after a step, s
+_SHOWN_BEFORE_S = 2e-3  # time shown before a step
+_SHOWN_AFTER_S = 0.02
 _MAX_SEGMENT_TICKS = 4096  # maximum length of a segment, ticks
 _SPECTRUM_BINS = 120  # number of bins
 
@@ -91,8 +92,8 @@ def _draw_deviation(ax: Axes, panel: StepPanel) -> None:
         time, part = _part_around_step(panel, name)
         deviation = 100.0 * direction * (step.after - part["gap_m"]) / step.height
         largest = max(largest, float(deviation.max()))
-        after = time >= 0.0
-        ax.plot(*thin_curves(time[after], deviation[after]), **line_style(name))
+        is_after_step = time >= 0.0
+        ax.plot(*thin_curves(time[is_after_step], deviation[is_after_step]), **line_style(name))
     band = 100.0 * SETTLING_BAND
     ax.axhspan(-band, band, color=SHADE_COLOUR, alpha=0.2, lw=0)
     ax.axhline(0.0, color=INK_COLOUR, lw=0.9)
@@ -113,8 +114,8 @@ def _draw_step(ax: Axes, panel: StepPanel) -> None:
                 time, reference, color=INK_COLOUR, lw=0.9, drawstyle="steps-post", label="reference"
             )
             band = SETTLING_BAND * 1e6 * step.height
-            end = 1e6 * (step.before - step.after)
-            ax.axhspan(end - band, end + band, color=SHADE_COLOUR, alpha=0.2, lw=0)
+            target = 1e6 * (step.before - step.after)
+            ax.axhspan(target - band, target + band, color=SHADE_COLOUR, alpha=0.2, lw=0)
         overshoot = interval_text(panel.overshoot.get(name), "%")
         curve = thin_curves(time, 1e6 * (step.before - part["gap_m"]))
         ax.plot(*curve, **line_style(name), label=f"{name}: overshoot {overshoot}")
@@ -271,8 +272,8 @@ def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
 
 def identified_loop(model: Model, gap: float, low: float, high: float) -> LoopCurve:
     """Return the steady-state loop of a model between two currents."""
-    half = np.linspace(low, high, _BRANCH_SAMPLES)
-    current = np.concatenate([half, half[-2::-1]])
+    rising = np.linspace(low, high, _BRANCH_SAMPLES)
+    current = np.concatenate([rising, rising[-2::-1]])
     force = model.predict(current, gap, history="settled").output
     return LoopCurve(gap, current, np.asarray(force, dtype=np.float64))
 
@@ -288,21 +289,23 @@ def figure_force_current(
     """
     figure = new_figure(6.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
-    whole, detail = (figure.add_subplot(grid[0, column]) for column in range(2))
+    overview, detail = (figure.add_subplot(grid[0, column]) for column in range(2))
     _draw_widths(figure.add_subplot(grid[1, :]), measured, identified)
-    for ax in (whole, detail):
+    for ax in (overview, detail):
         _draw_loops(ax, measured, identified)
         for name in in_report_order(recordings):
             run = recordings[name]
             ax.plot(run["current_A"], run["force_N"], **line_style(name), label=f"run, {name}")
         ax.set_xlabel("current (A)")
         ax.set_ylabel("force (N)")
-    ends = [_axis_limits([run[column] for run in recordings.values()]) for column in _AXIS_COLUMNS]
-    detail.set_xlim(*ends[0])
-    detail.set_ylim(*ends[1])
-    whole.set_title("whole range")
+    limits = [
+        _axis_limits([run[column] for run in recordings.values()]) for column in _AXIS_COLUMNS
+    ]
+    detail.set_xlim(*limits[0])
+    detail.set_ylim(*limits[1])
+    overview.set_title("whole range")
     detail.set_title("range of the run")
-    legend_below(figure, whole, columns=3)
+    legend_below(figure, overview, columns=3)
     return figure
 
 
@@ -352,7 +355,8 @@ def _axis_limits(rows: Sequence[FloatArray]) -> tuple[float, float]:
 
 
 _ZONE_COLOURS = ("#E4F2EC", "#FFF7DC", "#FCE6D2", "#F8D7DA")
-_MIN_LEVEL_DB, _MAX_LEVEL_DB = -40.0, 20.0  # dB, at least shown
+_MIN_LEVEL_DB = -40.0
+_MAX_LEVEL_DB = 20.0  # upper end of the axis, unless the peak is higher
 
 
 @dataclass(frozen=True)
@@ -404,8 +408,10 @@ def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
     if linear:
         ax.plot([], [], color=INK_COLOUR, lw=0.7, ls=":", label="linearised loop")
     ax.set_ylim(_MIN_LEVEL_DB, top)
-    ends = [end for curve in measured.values() for end in curve.frequency[[0, -1]]]
-    ax.set_xlim(min(ends), max(ends))
+    frequencies = [
+        frequency for curve in measured.values() for frequency in curve.frequency[[0, -1]]
+    ]
+    ax.set_xlim(min(frequencies), max(frequencies))
     ax.set_xlabel("frequency (Hz)")
     ax.set_ylabel("sensitivity (dB)")
     legend_below(figure, ax, columns=2)
@@ -414,7 +420,7 @@ def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
 
 def _draw_zones(ax: Axes, top: float) -> None:
     """Shade and name the zones by which a sensitivity is evaluated."""
-    edges = [_MIN_LEVEL_DB, *(20.0 * math.log10(one) for one in ZONE_LIMITS.values()), top]
+    edges = [_MIN_LEVEL_DB, *(20.0 * math.log10(limit) for limit in ZONE_LIMITS.values()), top]
     names = [*ZONE_LIMITS, "D"]
     for name, fill, low, high in zip(names, _ZONE_COLOURS, edges[:-1], edges[1:], strict=True):
         ax.axhspan(low, high, color=fill, lw=0, zorder=0)

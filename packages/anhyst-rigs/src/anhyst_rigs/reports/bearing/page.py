@@ -115,9 +115,9 @@ def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
 def _overshoot_comparison(step: StepComparison, variant: MethodName) -> Iterable[str]:
     """Yield the overshoot of a variant, of the strongest baseline and with measured flux."""
     yield f"{variant}: {overshoot_text(step, variant)}"
-    other = strongest_baseline(step.figure(OVERSHOOT))
-    if other not in (None, variant):
-        yield f"best without hysteresis model ({other}): {overshoot_text(step, other)}"
+    baseline = strongest_baseline(step.figure(OVERSHOOT))
+    if baseline not in (None, variant):
+        yield f"best without hysteresis model ({baseline}): {overshoot_text(step, baseline)}"
     if "flux" in step.cells and variant != "flux":
         yield f"measured flux: {overshoot_text(step, 'flux')}"
 
@@ -158,7 +158,7 @@ def structure_section(
         "Structure and numbers",
         (
             picture(figure, "structure", alt, caption),
-            legend_table(in_report_order(one for one in variants if one)),
+            legend_table(in_report_order(variant for variant in variants if variant)),
         ),
     )
 
@@ -268,7 +268,8 @@ def _frequency_section(subject: SimulationSubject) -> Section:
         peaks = [
             f"{name}: peak {curve.peak:.2f}, zone {find_zone(curve.peak)}"
             for name, curve in (
-                (one, subject.sensitivity[one]) for one in in_report_order(subject.sensitivity)
+                (variant, subject.sensitivity[variant])
+                for variant in in_report_order(subject.sensitivity)
             )
         ]
         blocks.append(Text(f"Measured sensitivity, ISO 14839-3. {'; '.join(peaks)}."))

@@ -114,14 +114,14 @@ class SimulationSubject:
     @property
     def all_variants(self) -> list[MethodName]:
         """All variants that the page shows."""
-        shown = (*self.baselines, *self.sensitivity, *self.standstill, *self.forces)
-        return in_report_order({self.variant, *shown})
+        variants = (*self.baselines, *self.sensitivity, *self.standstill, *self.forces)
+        return in_report_order({self.variant, *variants})
 
     def step_text(self, step: StepComparison) -> str:
         """Return a step as text, with the load only if there are several loads."""
         place = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
-        several = len({one.load for one in self.steps}) > 1
-        return f"{place}, {step.load:g}{NBSP}N" if several else place
+        has_several_loads = len({other.load for other in self.steps}) > 1
+        return f"{place}, {step.load:g}{NBSP}N" if has_several_loads else place
 
 
 _SHOWN_S = 0.03  # length of the shown part of a step, s
@@ -148,8 +148,8 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
             step,
             complete_runs,
             next(
-                found.figure(OVERSHOOT)
-                for height, found in steps_at_gap.items()
+                step_figures.figure(OVERSHOOT)
+                for height, step_figures in steps_at_gap.items()
                 if np.isclose(height, step.height)
             ),
         )
@@ -184,7 +184,8 @@ def gather_subject(simulation: Simulation, command: str) -> SimulationSubject:
         ),
         standstill=_run_variants(simulation.setups, *standstill),
         sensitivity={
-            name: Response(one.frequency, one.ratio) for name, one in simulation.sensitivity.items()
+            name: Response(response.frequency, response.ratio)
+            for name, response in simulation.sensitivity.items()
         },
         linear_sensitivity=linear_sensitivity,
         loop_gain=linear_gain,
@@ -239,8 +240,8 @@ def _run_variants(
     parts = {}
     for name, setup in setups.items():
         recording = SimulatedLoop(setup).run(scenario)
-        lost = levitation_loss_time(setup.rig, recording, scenario.lift_end_tick)
-        if lost is None and len(recording) == scenario.ticks:
+        loss_time = levitation_loss_time(setup.rig, recording, scenario.lift_end_tick)
+        if loss_time is None and len(recording) == scenario.ticks:
             parts[name] = recording.slice_ticks(begin, len(recording))
     return parts
 
@@ -367,12 +368,14 @@ def terminal_summary(simulation: Simulation) -> TerminalSummary:
     rows = []
     for name in simulation.setups:
         last = steps[-1].cells[name]
-        rest = (
+        other_cells = (
             interval_text(last.interval(metric.key), factor=metric.factor)
             for metric in (SETTLING, STANDSTILL_OF_STEP)
         )
         mark = " *" if name == simulation.main_variant else ""
-        rows.append([f"{name}{mark}", *(overshoot_text(step, name) for step in steps), *rest])
+        rows.append(
+            [f"{name}{mark}", *(overshoot_text(step, name) for step in steps), *other_cells]
+        )
     heights = [f"{1e6 * step.height:g} µm" for step in steps]
     overshoots = make_table(
         f"Overshoot of steps at {1e3 * file.gap_m:g} mm",
@@ -395,7 +398,7 @@ def step_tables(subject: SimulationSubject) -> list[PageTable]:
     return [
         case_table(metric, steps, caption, _noise_remark if metric.key == OVERSHOOT else None)
         for metric, caption in STEP_TABLES.items()
-        if any(metric.key in one.figures for row in steps.values() for one in row.values())
+        if any(metric.key in cell.figures for row in steps.values() for cell in row.values())
     ]
 
 
@@ -489,12 +492,12 @@ def settling_sentence(subject: SimulationSubject) -> str:
         ]
         pairs = [pair for pair in pairs if not math.isnan(sum(pair))]  # runs that were lost
         if pairs:
-            mine, other = (
-                _range_text([metric.factor * one for one in ones], metric.unit)
-                for ones in zip(*pairs, strict=True)
+            own_range, ratio_range = (
+                _range_text([metric.factor * value for value in values], metric.unit)
+                for values in zip(*pairs, strict=True)
             )
             counts.append(
-                f"{metric.title.lower()}: {mine} with {subject.variant}, {other} with ratio"
+                f"{metric.title.lower()}: {own_range} with {subject.variant}, {ratio_range} with ratio"
             )
     if not counts:
         return ""

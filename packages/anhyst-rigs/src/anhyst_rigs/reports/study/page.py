@@ -67,7 +67,9 @@ _LINE_STYLES: Mapping[MethodName, tuple[str, Any]] = {
 }
 COLOURS = {name: colour for name, (colour, _) in _LINE_STYLES.items()}
 DASHES = {name: dashes for name, (_, dashes) in _LINE_STYLES.items()}
-_INTERVAL_DIGITS, _MEAN_DIGITS, _MAX_DECIMALS = 2, 4, 3
+_INTERVAL_DIGITS = 2
+_MEAN_DIGITS = 4
+_MAX_DECIMALS = 3
 MAX_CURVE_POINTS = 1200
 """Maximum number of points per curve in a figure."""
 
@@ -128,10 +130,10 @@ def interval_text(interval: Interval | None, unit: str = "", factor: float = 1.0
         digits = _INTERVAL_DIGITS - 1 - math.floor(math.log10(width))
         if mean != 0.0:
             digits = min(digits, _MEAN_DIGITS - 1 - math.floor(math.log10(abs(mean))))
-        places = min(max(digits, 0), _MAX_DECIMALS)
-        half_width = math.ceil(width * 10.0**places - 1e-9) / 10.0**places
-        rounded = round(mean, places) + 0.0  # -0.0 becomes 0.0
-        text = f"{rounded:.{places}f} ± {half_width:.{places}f}".replace("-", MINUS)
+        decimals = min(max(digits, 0), _MAX_DECIMALS)
+        half_width = math.ceil(width * 10.0**decimals - 1e-9) / 10.0**decimals
+        rounded = round(mean, decimals) + 0.0  # -0.0 becomes 0.0
+        text = f"{rounded:.{decimals}f} ± {half_width:.{decimals}f}".replace("-", MINUS)
     return f"{text}{NBSP}{unit}".rstrip()
 
 
@@ -158,10 +160,13 @@ def verdict_note(judgement: Judgement) -> Note:
     return Note(_TONE_OF_LEVEL[judgement.level], VERDICT_TITLES[judgement.level], text)
 
 
-BOX_WIDTH_IN, BOX_HEIGHT_IN = 2.02, 1.28
-SOFTWARE_FILL, PLANT_FILL = "#EAF3FA", "#F4F6F8"
+BOX_WIDTH_IN = 2.02
+BOX_HEIGHT_IN = 1.28
+SOFTWARE_FILL = "#EAF3FA"
+PLANT_FILL = "#F4F6F8"
 _BOX_EDGE_COLOUR = "#333333"
-_TITLE_SIZE_PT, _TEXT_SIZE_PT = 8.5, 7.5  # points
+_TITLE_SIZE_PT = 8.5
+_TEXT_SIZE_PT = 7.5
 _LINE_SPACING_IN = 0.155  # distance of lines
 _MAX_TEXT_SHARE = 0.86  # share of the width of a box
 Point = tuple[float, float]
@@ -214,8 +219,8 @@ def draw_box(
     )
     text.set_gid(f"title-{name}")
     _shrink_to_box(text)
-    spare = height - 0.28 - _LINE_SPACING_IN * len(block.lines)
-    first = top - 0.14 - 0.5 * max(spare, 0.0) - 0.5 * _LINE_SPACING_IN
+    free_height = height - 0.28 - _LINE_SPACING_IN * len(block.lines)
+    first = top - 0.14 - 0.5 * max(free_height, 0.0) - 0.5 * _LINE_SPACING_IN
     for row, line in enumerate(block.lines):
         text = ax.text(
             x,
@@ -334,8 +339,8 @@ def method_table(
     Each method is a function that returns its figure by the key of the metric.
     """
 
-    def cell(of: Callable[[str], Interval | None], metric: Metric) -> str:
-        return interval_text(of(metric.key), factor=metric.factor).replace(" ", NBSP)
+    def cell(interval_of: Callable[[str], Interval | None], metric: Metric) -> str:
+        return interval_text(interval_of(metric.key), factor=metric.factor).replace(" ", NBSP)
 
     rows = [[name, *(cell(of, metric) for metric in metrics)] for name, of in methods.items()]
     return make_table(title, ["variant", *(metric.heading for metric in metrics)], rows, caption)
@@ -360,9 +365,11 @@ def case_table(
         return " ".join(part.replace(" ", NBSP) for part in parts if part)
 
     rows = [[case, *(cell(case, name) for name in methods)] for case in cases]
-    counts = [one.interval(metric.key).count for row in cases.values() for one in row.values()]
-    ends = " to ".join(str(end) for end in sorted({min(counts), max(counts)}))
-    interval = f"Mean and 95 % confidence interval over {ends} noise seeds."
+    counts = [
+        figures.interval(metric.key).count for row in cases.values() for figures in row.values()
+    ]
+    count_range = " to ".join(str(count) for count in sorted({min(counts), max(counts)}))
+    interval = f"Mean and 95 % confidence interval over {count_range} noise seeds."
     return make_table(metric.heading, ["", *methods], rows, f"{caption} {interval}".strip())
 
 
