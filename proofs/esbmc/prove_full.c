@@ -254,8 +254,8 @@ static int search_path(const branch_path *path, const equation *eq, const equati
 #endif
 
 #ifdef REMEMBER_BY_CONTRACT
-static inline void store_candidate(compensator *c, const branch_path *path, mirror_type mirror,
-                                   const path_point *point)
+static inline void store_step(compensator *c, const branch_path *path, mirror_type mirror,
+                              const path_point *point)
 {
   SHOW(inside(point->x) && inside(point->y) && inside(point->p) && inside(point->m));
   SHOW(is_slope(point->y_slope) && is_slope(point->m_slope));
@@ -357,7 +357,7 @@ static void prove_depart(void)
   branch_path path;
   path_point point = {0, 0, 0, any_within(-UNIT, UNIT - 1), 0, 0};
   fill_words(block_words);
-  init_path(&path, block_words, &from, mirror);
+  init_branch_path(&path, block_words, &from, mirror);
   SHOW(has_begun(&path));
   find_departure(&path, block_words, &from, mirror);
   SHOW(departed(&path) && path.kappa >= 0 && path.kappa <= UNIT);
@@ -426,7 +426,7 @@ static void prove_remember(void)
   const path_point point = any_answer(&path);
   anhyst_compensator c;
   c.memory.full = any_memory();
-  store_candidate(&c, &path, nondet_i16() != 0 ? -1 : 0, &point);
+  store_step(&c, &path, nondet_i16() != 0 ? -1 : 0, &point);
   SHOW(is_memory(&c.next.memory.full));
   SHOW(is_slope(c.next.of.full.y_slope) && is_slope(c.next.of.full.m_slope));
 }

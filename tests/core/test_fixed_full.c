@@ -98,7 +98,7 @@ static void walk(double kappa, double c, double *error_y, double *error_m)
     from.p = from.x;
     from.turn = from.x;
     from.level = from.y;
-    init_path(&path, words, &from, 0);
+    init_branch_path(&path, words, &from, 0);
     find_departure(&path, words, &from, 0);
     const path_point point = evaluate(&path, (int32_t)lrint(x1 / REACH * FULL_Q28));
     const double y1 = lagged(kappa, x0, y0, x1);
