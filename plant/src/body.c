@@ -28,8 +28,7 @@ static void lever_arm(const anhyst_plant_line *line, const double *pose, double 
   cross(arm, line->d, result);
 }
 
-/* Returns the displacement along a line. A body that cannot rotate has angles of zero, which are
-   left out. */
+/* Returns the displacement along a line. Leaves out the angles of a body that cannot rotate. */
 static inline double displacement_along(const anhyst_plant_line *line, const double *pose,
                                         int can_turn)
 {
@@ -47,8 +46,7 @@ double anhyst_plant_moved(const anhyst_plant_line *line, const double pose[AXES]
   return displacement_along(line, pose, 1);
 }
 
-/* Adds the wrench of a force along a line. Leaves out the moment if the body cannot rotate, because
-   nothing uses it then. */
+/* Adds the wrench of a force along a line. Leaves out the moment if the body cannot rotate. */
 static inline void add_force_along(const anhyst_plant_line *line, const double *pose, double force,
                                    int can_turn, double wrench[AXES])
 {
@@ -159,8 +157,8 @@ static void set_cable_matrix(const anhyst_plant_body *body, anhyst_plant_state *
   }
 }
 
-/* Returns the force of a cable on a free coordinate, per N/m for a displacement of all axes, or per
-   N s/m for a velocity. */
+/* Returns the force of a cable on a free coordinate, per N/m and displacement (N s/m and
+   velocity). */
 static double cable_force(const anhyst_plant_body *body, const anhyst_plant_state *state, int k,
                           const double *displacement)
 {
@@ -436,8 +434,8 @@ static double cable_damping_term(const anhyst_plant_body *body, const anhyst_pla
   return sum;
 }
 
-/* Advances the velocity by the other half, with the damping at its end: (1 + ease*damping)*v = v +
-   ease*force. */
+/* Advances the velocity by the other half, damping at its end: (1+ease*damping)*v =
+   v+ease*force. */
 static inline void end_half_step(const anhyst_plant_body *body, anhyst_plant_state *state, int n,
                                  const axis_forces *forces)
 {

@@ -55,8 +55,7 @@ static void make_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   int has_failed;
   anhyst_plant_readings readings = {head, current, flux, 0.0};
   double injected[ANHYST_PLANT_AXES] = {0.0};
-  double injected_with_frame[ANHYST_PLANT_AXES] = {0.0}; /* displacement of the frame plus injected
-                                                            signal */
+  double injected_with_frame[ANHYST_PLANT_AXES] = {0.0}; /* frame plus injected signal */
   int j;
   anhyst_plant_read(body, loop->state, &readings);
   for (j = 0; j < body->coordinates; j++) {
@@ -91,8 +90,7 @@ static void make_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   sample->command = command & 0xFFU;
 }
 
-/* Sets the commands of the amplifiers: currents, or voltages that control the currents to their
-   references. */
+/* Sets the commands of the amplifiers: currents, or voltages of the current controllers. */
 static void set_commands(anhyst_plant_loop *loop, const double *reference, const double *read,
                          double *command)
 {
@@ -154,8 +152,7 @@ size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events 
     for (j = 0; events->frame && j < coordinates; j++) {
       const double *now = events->frame + i * coordinates + j;
       const int axis = body->coordinate[j].axis;
-      loop->state->frame[axis] = now[0]; /* set directly, so that rounding errors do not
-                                            accumulate */
+      loop->state->frame[axis] = now[0]; /* prevents accumulated rounding errors */
       loop->state->frame_velocity[axis] = (now[coordinates] - now[0]) / body->tick;
     }
     anhyst_plant_advance(body, loop->state, command, events->load[i]);

@@ -17,8 +17,7 @@ typedef struct {
   double share;           /* part of the flux that passes the gaps */
   double per_area;        /* 1/(area of a gap including fringing), 1/m^2 */
   double fringing_factor; /* 1 - gap*(derivative of the area per metre)/area */
-  double displacement;    /* with a bias: displacement from the middle in the direction of the
-                             force, m */
+  double displacement;    /* with a bias: displacement from the middle along the force, m */
   anhyst_plant_cone_gap cone;
 } outer_circuit;
 
@@ -221,8 +220,7 @@ static double eddy_share(const anhyst_plant_magnet *magnet)
              : 0.0;
 }
 
-/* Returns the total current for the current that the field needs; without eddy currents, they are
-   equal. */
+/* Returns the total current for the current of the field; equal without eddy currents. */
 static inline double total_current(const anhyst_plant_magnet *magnet, double eddies, double steady,
                                    const anhyst_plant_source *s)
 {
@@ -232,7 +230,7 @@ static inline double total_current(const anhyst_plant_magnet *magnet, double edd
 }
 
 /* Replaces a source whose voltage exceeds the limit by a source of the limit voltage, and returns
-   whether it did. The current then is even farther from the reference, so that the limit still
+   whether it did. The current is then even farther from the reference, and the limit still
    applies. */
 static inline int limit_source(anhyst_plant_source *s, double current)
 {

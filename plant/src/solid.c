@@ -8,11 +8,9 @@
 #define VOLUMES ANHYST_PLANT_VOLUMES
 #define MAX_STEPS 60
 #define MAX_BISECTIONS 12
-/* Tolerance of the flux density, T: the last step is the first one that changes no volume's share
-   by more. */
+/* Flux density tolerance, T: the last step is the first one with smaller changes in all volumes. */
 #define FLUX_TOLERANCE 1e-8
-/* Tolerance of the flux in the laminations, T, and a small field coefficient that makes their field
-   unique. */
+/* Flux density tolerance of the laminations, T, and a small coefficient for a unique field. */
 #define SHEETS_TOLERANCE 1e-11
 #define SHEETS_FIELD (1e-9 * ANHYST_PLANT_MU0)
 
@@ -82,15 +80,13 @@ static void evaluate(const slab_problem *slab, anhyst_plant_soaked *found, slab_
 }
 
 /* Computes the Newton step of all coordinates: a ladder network, whose response to the outer field
-   is computed from the middle outwards. Returns the largest change of a volume's share in the flux
-   density. */
+   is computed from the middle outwards. Returns the largest change of a volume's share. */
 static double newton_step(const slab_problem *slab, const slab_state *state, double *step)
 {
   const anhyst_plant_solid *solid = slab->solid;
   const anhyst_plant_asked *asked = slab->asked;
   const int last = solid->volumes - 1;
-  double admittance[VOLUMES]; /* of the flux in a volume and all deeper ones, over the field of the
-                                 volume */
+  double admittance[VOLUMES]; /* of a volume and all deeper ones */
   double source[VOLUMES + 1];
   double admittance_inside = 0.0;
   double outside;
@@ -118,8 +114,7 @@ static double newton_step(const slab_problem *slab, const slab_state *state, dou
   return max_change;
 }
 
-/* Returns the slope of the minimised function along the line from one set of fluxes to the
-   other. */
+/* Returns the slope of the minimised function along the line between two sets of fluxes. */
 static double directional_slope(const slab_problem *slab, const slab_state *at,
                                 const slab_state *from, const slab_state *to)
 {

@@ -1,40 +1,38 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The kernel of the law of cells, function by function. PART names the one
-   that is proved; those below it are replaced by what their own proof has shown
-   (contracts in proofs.toml), each of them first showing that it may be called so.
-
-   A loop that turns as often as its data say is proved for one turn: proofs.toml puts BEGIN_TURN
-   and END_TURN into its body, which show an invariant, forget everything but that, and leave the
-   loop.
-
-   A path is any that the invariant `is_path` allows, on rows of any size that anhyst_block_check
-   lets through; where a row is read, what the check says of its entries is assumed. */
+/* Proves the kernel of the play-cell law, function by function. PART is the proved function. The
+   functions that it calls are replaced by their proved contracts (proofs.toml), which first show
+   that the call is allowed. A loop whose number of iterations depends on data is proved for one
+   iteration: proofs.toml inserts BEGIN_ITERATION and END_ITERATION, which show an invariant, forget
+   everything except the invariant, and leave the loop. A path is any path that satisfies the
+   invariant `is_path`, on rows of any size that anhyst_block_check accepts. For entries that are
+   read, the properties of that check are assumed. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
 #define ONE ANHYST_Q30_ONE
 #define is_inside(a) ((a) >= -ONE && (a) < ONE)
 
-#define BEGIN_TURN(invariant, forget, condition)                                                   \
+#define BEGIN_ITERATION(invariant, forget, condition)                                              \
   SHOW(invariant);                                                                                 \
   forget;                                                                                          \
   ASSUME((invariant) && (condition));
-#define END_TURN(invariant, forget)                                                                \
+#define END_ITERATION(invariant, forget)                                                           \
   SHOW(invariant);                                                                                 \
   forget;                                                                                          \
   ASSUME(invariant);                                                                               \
   break;
 
-#define HALVING (segment >= 0 && segment <= end && end <= path->stride - 2 && is_inside(begin))
-#define FORGET_HALVING                                                                             \
+#define BISECTION_INVARIANT                                                                        \
+  (segment >= 0 && segment <= end && end <= path->stride - 2 && is_inside(begin))
+#define FORGET_BISECTION                                                                           \
   segment = nondet_i16();                                                                          \
   begin = nondet_i32();                                                                            \
-  residual = any_within(-MOST_MISSING, ANHYST_Q31_MAX);                                            \
+  residual = any_within(-MAX_SHOWN_RESIDUAL, ANHYST_Q31_MAX);                                      \
   end = nondet_i16()
 
 #define HALF (ONE / 2)
-/* What may be missing of a target. */
-#define MOST_MISSING (ONE + HALF / 2)
+/* Largest residual. */
+#define MAX_SHOWN_RESIDUAL (ONE + HALF / 2)
 
 #include "compensator/cells.c"
 
@@ -63,13 +61,13 @@ static void any_block(int16_t *words)
   SHOW(path.zone_grid >= 2 && path.wide_grid <= 13 && path.zone_grid <= path.wide_grid);
 }
 
-/* The places of rows are numbers here: the first row begins at this one. */
+/* Positions on rows are indexes here, relative to the start of the first row. */
 static int32_t place_of(const cell_path *path, const int16_t *at)
 {
   return (int32_t)(at - path->rows);
 }
 
-/* A place of a row, before the last of its entries. */
+/* Returns whether a position is on a row, before its last entry. */
 static int is_on(const cell_path *path, anhyst_spot spot, int32_t row)
 {
   const int32_t segment = place_of(path, spot.at) - row * path->stride;
@@ -85,7 +83,7 @@ static int is_path(const cell_path *path)
          is_on(path, path->reversal, 0);
 }
 
-/* A segment of a row, of which the first begins at this place. */
+/* Returns any position on a row that starts here. */
 static anhyst_spot any_spot(const cell_path *path, const int16_t *row)
 {
   const anhyst_spot spot = {row + any_within(0, path->stride - 2), any_within(0, 0x7FFF)};
@@ -115,8 +113,8 @@ static cell_path any_path(void)
   return path;
 }
 
-/* Targets that a current or a flux can ask for, over 4. */
-#define MOST_TARGET (HALF + HALF / 4)
+/* Largest target of a current or a flux, divided by 4. */
+#define MAX_TARGET (HALF + HALF / 4)
 
 static anhyst_arms any_arms(void)
 {
@@ -128,7 +126,7 @@ static anhyst_arms any_arms(void)
 
 static int is_target(const equation *eq)
 {
-  const int32_t most = eq->arms == 0 ? HALF / 2 + 1 : MOST_TARGET;
+  const int32_t most = eq->arms == 0 ? HALF / 2 + 1 : MAX_TARGET;
   return eq->target >= -most && eq->target <= most;
 }
 
@@ -170,14 +168,14 @@ static inline number residual_at(const equation *eq, number x, number m)
 {
   (void)m;
   SHOW(is_inside(x) && is_target(eq));
-  return any_within(-MOST_MISSING, MOST_MISSING);
+  return any_within(-MAX_SHOWN_RESIDUAL, MAX_SHOWN_RESIDUAL);
 }
 
 static inline number solve_segment(const equation *eq, const entry *segment, grid width,
                                    number residual)
 {
   (void)segment;
-  SHOW(residual >= -MOST_MISSING && is_target(eq));
+  SHOW(residual >= -MAX_SHOWN_RESIDUAL && is_target(eq));
   SHOW(width >= 2U && width <= 13U);
   return any_within(0, 0x8000);
 }
@@ -251,7 +249,7 @@ static void describe_segment(const entry *words, int segment, number begin, grid
 
 /* ---- proofs ---- */
 
-/* Where a field falls on a row of any size, and back. */
+/* The position of a field on a row of any size, and back. */
 static void prove_rows(void)
 {
   const cell_path path = any_path();
@@ -282,8 +280,8 @@ static void prove_residual(void)
   const anhyst_spot spot = any_spot(&path, path.row);
   ASSUME(spot.at[1] >= spot.at[0] && spot.at[1] - spot.at[0] <= ANHYST_Q15_MAX);
   const int32_t residual = residual_at(&eq, x, value_at(spot) + path.rest);
-  SHOW(residual >= -MOST_MISSING && residual <= MOST_MISSING);
-  const int32_t left = any_within(-MOST_MISSING, ANHYST_Q31_MAX);
+  SHOW(residual >= -MAX_SHOWN_RESIDUAL && residual <= MAX_SHOWN_RESIDUAL);
+  const int32_t left = any_within(-MAX_SHOWN_RESIDUAL, ANHYST_Q31_MAX);
   const int32_t part = solve_segment(&eq, spot.at, grid_at_field(&path, x), left);
   SHOW(part >= 0 && part <= 0x8000);
 }
@@ -353,7 +351,7 @@ static anhyst_cells_memory any_memory(void)
   return any;
 }
 
-/* What a step leaves that a candidate is taken for. */
+/* Returns whether a trial step has the properties that a search assumes. */
 static int is_candidate(const anhyst_candidate *at)
 {
   return is_memory(&at->memory.cells) && is_inside(at->of.cells.joins) &&
@@ -361,7 +359,7 @@ static int is_candidate(const anhyst_candidate *at)
          at->of.cells.fineness >= 2U && at->of.cells.fineness <= 13U;
 }
 
-/* From the segment of a path on, that of a candidate which knows where it stands. */
+/* A trial step with a known segment, anywhere on a path. */
 static void prove_slid(void)
 {
   const cell_path path = any_path();
@@ -388,7 +386,7 @@ static void prove_slid(void)
   SHOW(is_candidate(at));
 }
 
-/* From any memory, for any flux and current, under any limits. */
+/* Any memory, flux, current and limits. */
 static void prove_field(void)
 {
   anhyst_compensator c;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the closed form and Euler's form share, and Euler's step: from any memory at all, for any
-   valid words. The step of a path is left open: any that stays within -1..1. */
+/* Proves the code that the closed form and Euler's form share, and Euler's step: from any memory,
+   for any valid words. The step of a path is replaced by any result within -1..1. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
@@ -29,7 +29,7 @@ static int32_t state_at_flux(const int16_t *words, const anhyst_simplified_memor
 #include "compensator/generic/simplified.h"
 #endif
 
-/* A memory as every step leaves it. */
+/* A memory after any step. */
 static int is_memory(const anhyst_simplified_memory *memory)
 {
   return WITHIN_ONE(memory->flux) && WITHIN_ONE(memory->u) && WITHIN_ONE(memory->turn) &&

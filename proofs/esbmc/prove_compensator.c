@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Everything around the kernels: a whole tick of the compensator for any valid head of a block, any
-   demand, gap and applied current, and any kernel that answers within its contract. */
+/* Proves the code around the kernels: a whole tick of the compensator for any valid head of a
+   block, any demand, gap and applied current, and any kernel that satisfies its contract. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
 #include "compensator/compensator.c"
 
-/* 0 for the kernels that take no negative flux arm. */
+/* 0 for kernels that accept no negative flux arm */
 static int32_t least_flux_arm;
 
-/* Words that name a table, so that what stands in for over_gap() knows what it may hold. */
+/* Different words for each table, so that the replacement of over_gap() knows the range of its
+   entries. */
 enum { GAIN = 101, OFFSET, BIAS, FLUX_ARM, FIELD_ARM, LAG_ARM };
 
 static void any_head(int16_t *words)
@@ -120,7 +121,7 @@ static void prove_swap(void)
   SHOW(c.words == other && c.stage == ANHYST_STAGE_UNKNOWN);
 }
 
-/* Any gap, any table over the gap within the block. */
+/* Any gap, and any table over the gap in the block. */
 static void prove_over_gap(void)
 {
   int16_t words[ANHYST_BLOCK_MOST_WORDS]; /* any */

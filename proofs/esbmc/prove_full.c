@@ -1,21 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The kernel of the full law, function by function from the leaves to the whole step. PART names
-   the function that is proved; those below it are replaced by what their own proof has shown
-   (contracts in proofs.toml), each of them first showing that it may be called so.
-
-   Where a table is read, the words of the block are any that anhyst_block_check lets through. */
+/* Proves the kernel of the Jiles-Atherton law, function by function up to the whole step. PART is
+   the proved function. The functions that it calls are replaced by their proved contracts
+   (proofs.toml), which first show that the call is allowed. Words that are read from tables are any
+   that anhyst_block_check accepts. */
 #ifndef RAW_PRODUCTS
 #define ANHYST_PORT_HEADER "contracts.h"
 #endif
 #include "any.h"
 
-/* The search turns as often as the block says, up to 16 times. In its proof, proofs.toml puts
-   ANY_TURN at the beginning of a turn and NEXT_TURN at its end: the invariant is shown, everything
-   forgotten but the invariant, and so one turn stands for all. */
+/* The search has up to 16 iterations, as the block states. proofs.toml inserts BEGIN_ANY_ITERATION
+   and END_ANY_ITERATION at the start and the end of an iteration: they show the invariant and
+   forget everything else, so that one iteration represents all. */
 #define INVARIANT                                                                                  \
   (path->x <= within.low && within.low <= next && next <= within.high && within.high < UNIT &&     \
    last_step >= 0)
-#define ANY_TURN                                                                                   \
+#define BEGIN_ANY_ITERATION                                                                        \
   SHOW(INVARIANT);                                                                                 \
   evaluations_left = any_within(1, 16);                                                            \
   within.low = nondet_i32();                                                                       \
@@ -27,14 +26,14 @@
     eq = limit;                                                                                    \
   }                                                                                                \
   ASSUME(INVARIANT);
-#define NEXT_TURN                                                                                  \
+#define END_ANY_ITERATION                                                                          \
   SHOW(INVARIANT);                                                                                 \
   ASSUME(0);
 
 #define inside(a) ((a) >= -UNIT && (a) < UNIT)
 
-/* The iron's weight in the search, of either sign, or below zero alone where a fault shows there.
- */
+/* Range of the iron weight in the search: either sign, or only negative if the control fault
+   appears only there. */
 #ifdef AGAINST_THE_AIR
 #define MOST_IRON (-1)
 #else
@@ -43,7 +42,7 @@
 
 #include "compensator/full.c"
 
-/* The tables of a path; what stands in for value() tells them by their place. */
+/* The tables of a path. The replacement of interpolate() distinguishes them by their addresses. */
 enum { CURVE_AT = ANHYST_BLOCK_LEAST_WORDS, BRANCH_AT, INVERSE_AT };
 static int16_t block_words[INVERSE_AT + 1];
 static const int16_t *const curve_words = block_words + CURVE_AT;
@@ -79,7 +78,7 @@ static anhyst_full_memory any_memory(void)
   return any;
 }
 
-/* A path as begin() makes it. */
+/* Properties of a path after init_path(). */
 static int has_begun(const branch_path *path)
 {
   return inside(path->x) && inside(path->y) && inside(path->p) && path->play >= 0 &&
@@ -91,7 +90,7 @@ static int departed(const branch_path *path)
   return inside(path->departure) && path->offset > -2 * UNIT && path->offset < 2 * UNIT;
 }
 
-/* The path as depart() leaves it. */
+/* A path after find_departure(). */
 static branch_path any_path(void)
 {
   branch_path path;
@@ -255,8 +254,8 @@ static int search_path(const branch_path *path, const equation *eq, const equati
 #endif
 
 #ifdef REMEMBER_BY_CONTRACT
-static inline void store_candidate(compensator *c, const branch_path *path, mirror_type mirror,
-                                   const path_point *point)
+static inline void store_step(compensator *c, const branch_path *path, mirror_type mirror,
+                              const path_point *point)
 {
   SHOW(inside(point->x) && inside(point->y) && inside(point->p) && inside(point->m));
   SHOW(is_slope(point->y_slope) && is_slope(point->m_slope));
@@ -303,7 +302,7 @@ static number shift_state(branch_path *path, const entry *words, const old_state
 
 /* ---- proofs ---- */
 
-/* Any entry of any table within the block. */
+/* Any entry of any table in the block. */
 static void prove_place(void)
 {
   int16_t words[ANHYST_BLOCK_MOST_WORDS]; /* any */
@@ -358,7 +357,7 @@ static void prove_depart(void)
   branch_path path;
   path_point point = {0, 0, 0, any_within(-UNIT, UNIT - 1), 0, 0};
   fill_words(block_words);
-  init_path(&path, block_words, &from, mirror);
+  init_branch_path(&path, block_words, &from, mirror);
   SHOW(has_begun(&path));
   find_departure(&path, block_words, &from, mirror);
   SHOW(departed(&path) && path.kappa >= 0 && path.kappa <= UNIT);
@@ -427,7 +426,7 @@ static void prove_remember(void)
   const path_point point = any_answer(&path);
   anhyst_compensator c;
   c.memory.full = any_memory();
-  store_candidate(&c, &path, nondet_i16() != 0 ? -1 : 0, &point);
+  store_step(&c, &path, nondet_i16() != 0 ? -1 : 0, &point);
   SHOW(is_memory(&c.next.memory.full));
   SHOW(is_slope(c.next.of.full.y_slope) && is_slope(c.next.of.full.m_slope));
 }
@@ -456,7 +455,7 @@ static void prove_carry(void)
   SHOW(is_memory(&c.memory.full));
 }
 
-/* A compensator as a kernel finds it. */
+/* A compensator before a call of its kernel. */
 static anhyst_compensator any_compensator(void)
 {
   anhyst_compensator c;

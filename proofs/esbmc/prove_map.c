@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The map in fixed point: the place of a signal in a table of any size and the force at a place,
-   and the digits of the inverse. */
+/* Proves the map in fixed point: the position of a signal in a table of any size, the force at a
+   position, and the digits of the inverse. */
 #include "any.h"
 
 #include "compensator/map.c"

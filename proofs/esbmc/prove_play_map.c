@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The map with one play in fixed point: its divisions, and what the check of a table bounds. */
+/* Proves the divisions of the map with one play in fixed point, and the bounds that the check of a
+   table gives. */
 #include "any.h"
 
 #include "compensator/play_map.c"

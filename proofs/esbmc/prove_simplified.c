@@ -1,17 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The step of the closed form: from any path of a memory, for any valid words and any
-   table that never falls below zero. */
+/* Proves the step of the closed form: from any path of a memory, for any valid words and any table
+   that never falls below zero. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
-/* What the check of a block says of every entry; proofs.toml puts it where one is read. */
+/* The properties of every entry that the check of a block guarantees; proofs.toml inserts this
+   where an entry is read. */
 #define VALID_ENTRY(entry) ASSUME((entry) >= 0);
 
 #include "compensator/simplified.c"
 
 enum { WORDS = ANHYST_BLOCK_MOST_WORDS };
 
-/* Valid words; the table of the curve lies anywhere in the block. */
+/* Valid words, with the table of the curve anywhere in the block. */
 static void any_words(int16_t *words)
 {
   ASSUME(words[ANHYST_WORD_SIMPLE_RATE] > 0 && words[ANHYST_WORD_SIMPLE_HOLD] > 0);

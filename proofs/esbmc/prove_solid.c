@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Solid iron: what a pass through its layers is made of, for any fluxes, fields, slopes and
-   targets, whatever the law of cells answers within its range. The law shows that it may be called
-   so. */
+/* Proves the parts of a pass through the layers of solid iron, for any fluxes, fields, slopes and
+   targets, and any result of the play-cell law within its range. The replacement of the law shows
+   that each call is allowed. */
 #define ANHYST_PORT_HEADER "contracts.h"
 #include "any.h"
 
 #include "compensator/lookup.h"
 
-#define MOST_TARGET (ANHYST_Q30_ONE / 8 * 5) /* as in prove_cells.c */
+#define MAX_TARGET (ANHYST_Q30_ONE / 8 * 5) /* as in prove_cells.c */
 
 static inline int32_t proof_quotient(int32_t numerator, int32_t denominator)
 {
@@ -21,7 +21,7 @@ static inline int32_t proof_quotient(int32_t numerator, int32_t denominator)
 static number solve_current(const entry *words, const cells_memory *from, const number *plays,
                             const arms_type *arms, number target, candidate *at, int is_known)
 {
-  SHOW(target >= -MOST_TARGET && target <= MOST_TARGET && arms->field_arm >= 0);
+  SHOW(target >= -MAX_TARGET && target <= MAX_TARGET && arms->field_arm >= 0);
   SHOW(arms->flux_arm > -ANHYST_Q15_MAX - 1);
   at->memory.cells.x = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   at->of.cells.rise = (int16_t)any_within(0, ANHYST_Q15_MAX);
@@ -38,7 +38,7 @@ static void any_block(int16_t *words)
   ASSUME(is_solid_valid(words));
 }
 
-/* Any place in the search for a compensator, its own shares and slopes apart. */
+/* Any state of the search of a compensator, with any shares and slopes. */
 static void any_tick(solid_tick *tick, anhyst_compensator *c)
 {
   const int16_t *words = c->words;

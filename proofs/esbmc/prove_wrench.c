@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A wrench shared out in fixed point: the two functions of one number that a held drive takes. */
+/* Proves the two scalar functions of the fixed-point wrench allocation for a fixed drive. */
 #include "any.h"
 
 #include "control/wrench_fixed.c"

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the parts of the simplified law in fixed point: the table over octaves and its search,
-   the way, the slope. The oracle is the equation z = -ln v + nu*v - nu itself, in double. */
+   the distance, and the slope. The reference is the equation z = -ln v + nu*v - nu in double
+   precision. */
 #include "compensator/simplified.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
 
 #include "check.h"
@@ -12,7 +13,7 @@ static const double NUS[] = {0.0, 0.5, 0.9, 0.98};
 enum { NU_COUNT = 4, MOST_ENTRIES = 15 * 64 + 1 };
 static int16_t words[ANHYST_BLOCK_LEAST_WORDS + MOST_ENTRIES];
 
-/* z of 0 < v <= 1, and the v of a z by bisection. */
+/* Return z for 0 < v <= 1, and v for a z by bisection. */
 static double true_distance(double nu, double v) { return -log(v) + nu * v - nu; }
 
 static double v_of(double nu, double z)
@@ -30,7 +31,7 @@ static double v_of(double nu, double z)
   return sqrt(low * high);
 }
 
-/* First z of a segment, from what the layout says of the octaves. */
+/* Returns the first z of a segment from the layout of the octaves. */
 static double segment_begin(int octaves, int n, int index)
 {
   const int octave = index >> n;
@@ -52,8 +53,8 @@ static int prepare(double nu, int octaves, int n)
   return segments;
 }
 
-/* Units in the last place by which state_of leaves the straight line, over the rise of its segment.
- */
+/* Returns the deviation of state_at_distance from the straight line, LSB per rise of its
+   segment. */
 static double bend(int octaves, int n, int segments, int32_t z)
 {
   const double place = (double)z / FULL_Q27;

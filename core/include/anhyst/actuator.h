@@ -16,8 +16,7 @@
 
 #define ACTUATOR_PARAMETERS ACTUATOR_JOIN(ACTUATOR_NAME, _parameters)
 
-/* If the actuator has no name, `anhyst compile` calls it actuator and defines these macros
-   itself. */
+/* Without a name, `anhyst compile` calls the actuator actuator and defines these macros itself. */
 #ifndef ACTUATOR_KERNEL
 #define ACTUATOR_KERNEL ACTUATOR_JOIN(ACTUATOR_MACRO, _KERNEL)
 #define ACTUATOR_PARAMETERS_WORDS ACTUATOR_JOIN(ACTUATOR_MACRO, _PARAMETERS_WORDS)

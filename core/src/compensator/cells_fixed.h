@@ -82,8 +82,7 @@ static inline spot spot_from_zero(const entry *zero, number x, grid width)
   return at;
 }
 
-/* Returns the field at the lower end of the segment that contains x. Segments start at multiples of
-   their width. */
+/* Returns the lower end of the segment that contains x, a multiple of the segment width. */
 static inline number segment_begin(number x, grid width)
 {
   return (number)((uint32_t)(x >> width >> 15) << 15 << width);
@@ -155,16 +154,13 @@ static inline number inner_limit(const entry *words, int word)
   return word_value(words[word]) >> words[ANHYST_WORD_CURRENT_SHIFT];
 }
 
-#define MAX_ROW_DIFFERENCE                                                                         \
-  ((int32_t)ANHYST_Q15_MAX * 32768) /* maximum difference between two                              \
-                                       rows */
-#define MIN_THRESHOLD ((entry)1)    /* smallest threshold of a cell */
-#define ARM_ROUNDING                                                                               \
-  1 /* rounding error of a weight between two table                                                \
-       entries */
-#define MIN_SEGMENT_RISE                                                                           \
-  ((number)4) /* minimum rise on a segment, larger                                                 \
-                 than rounding errors */
+/* Maximum difference between two rows. */
+#define MAX_ROW_DIFFERENCE ((int32_t)ANHYST_Q15_MAX * 32768)
+#define MIN_THRESHOLD ((entry)1) /* smallest threshold of a cell */
+/* Rounding error of a weight between two table entries. */
+#define ARM_ROUNDING 1
+/* Minimum rise on a segment, larger than rounding errors. */
+#define MIN_SEGMENT_RISE ((number)4)
 #define QUARTER_WEIGHT 16384
 
 /* Bisections of a transfer: the final interval is 2.4e-7. */
@@ -235,8 +231,7 @@ static number divide_by_share(number a, entry share)
       first, multiply_by_slope(anhyst_sub_q31(a, multiply_by_share(first, share)), inverse));
 }
 
-/* Returns the slope of a segment with this rise (divided by 4), plus the slope `own` of the
-   layer. */
+/* Returns the slope of a segment with this rise (divided by 4), plus `own`. */
 static inline number law_stiffness(number width, number rise, number own)
 {
   const int32_t law = anhyst_quotient(width, rise > 0 ? rise : 1) >> 2;

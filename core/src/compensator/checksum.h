@@ -6,9 +6,8 @@
 
 #include <stdint.h>
 
-#define ANHYST_CHECKSUM_START                                                                      \
-  0xFFFFFFFFUL /* start value; the checksum is the complement of the                               \
-                  final value */
+/* Start value; the checksum is the complement of the final value. */
+#define ANHYST_CHECKSUM_START 0xFFFFFFFFUL
 
 /* Adds 16 bits to a running checksum. */
 static inline uint32_t anhyst_checksum_add(uint32_t sum, uint16_t bits)

@@ -5,8 +5,8 @@
 #include "lookup.h"
 
 #define DEMAND_TOLERANCE 0
-#define CURRENT_TOLERANCE                                                                          \
-  ((int32_t)65536) /* one q15 code: tolerance of an applied current beyond a limit */
+/* One q15 code: tolerance of an applied current beyond a limit. */
+#define CURRENT_TOLERANCE ((int32_t)65536)
 
 /* Position of a gap in the tables over the gap. */
 typedef struct {
@@ -70,8 +70,8 @@ static int32_t root(int32_t a, int16_t knee)
   }
   const unsigned shift = anhyst_headroom(a) & ~1U;            /* even, because the root halves it */
   const int32_t normalised = (int32_t)((uint32_t)a << shift); /* 2^29..2^31 - 1 */
-  /* A linear start value has an error of at most 5 %; each Newton step doubles the digits. r is the
-     root times 2^15. */
+  /* Linear start value within 5 %; each Newton step doubles the digits. r is the root times
+     2^15. */
   int32_t r = (normalised >> 17) + (normalised >> 19) + 12000;
   r = (r + (normalised >> 1) / r) >> 1;
   r = (r + (normalised >> 1) / r) >> 1;
@@ -81,8 +81,7 @@ static int32_t root(int32_t a, int16_t knee)
   return ((r * 16384) + (refined_quotient >> 1)) >> (shift >> 1);
 }
 
-/* Returns the square of a q30 in 0..1 as a q31: the inverse of root. The error is below 2^-15.
-   Saturates. */
+/* Returns the square of a q30 in 0..1, q31: the inverse of root. Error below 2^-15. Saturates. */
 static int32_t square(int32_t a, int16_t knee)
 {
   if ((a >> (30 - knee)) == 0) {

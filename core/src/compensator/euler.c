@@ -16,8 +16,8 @@ static int32_t path_start(const int16_t *words, int32_t state)
   return 0;
 }
 
-/* Returns part*slope, slope in units of 1/1024. Saturates. The slope is split into a weight of 15
-   bits and an exponent. */
+/* Returns part*slope, slope in units of 1/1024. Saturates. The slope becomes a weight of 15 bits
+   and an exponent. */
 static int32_t multiply_by_slope(int32_t part, int32_t slope)
 {
   const uint16_t excess_bits =

@@ -23,8 +23,7 @@ static int32_t limit_current(const anhyst_force_controller_q31 *c, int32_t curre
   return anhyst_clamp(current, c->low, c->high);
 }
 
-/* Limits a demand to the forces of the map, which start at 0; the largest code is the last
-   column. */
+/* Limits a demand to the forces of the map: 0 to the largest code (the last column). */
 static int32_t limit_demand(const anhyst_map_q31 *map, int32_t demand)
 {
   (void)map;

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interpolation in the tables of a parameter block, quotients for Newton steps, and exact
-   ratios. */
+/* Interpolation in tables of a parameter block, quotients for Newton steps, exact ratios. */
 #ifndef ANHYST_LOOKUP_H
 #define ANHYST_LOOKUP_H
 
@@ -15,8 +14,7 @@ typedef struct {
   int32_t part;      /* position on the segment, 0..32768 */
 } anhyst_spot;
 
-/* Returns the value at a position: entries q15, result q30. The interpolation is exact except for
-   the last place. */
+/* Returns the value at a position: entries q15, result q30, exact except for the last place. */
 static inline int32_t anhyst_value_at(anhyst_spot spot)
 {
   const int32_t low = spot.at[0];
@@ -43,7 +41,7 @@ static inline int32_t anhyst_share(int32_t a, int32_t part)
   return 2 * anhyst_scale(a, high) + (anhyst_scale(a, low) >> 14);
 }
 
-/* Returns numerator/denominator as a q31, rounded down, bit by bit. Requires 0 <= numerator <
+/* Returns numerator/denominator, q31, rounded down, bitwise. Requires 0 <= numerator <
    denominator. */
 static inline int32_t anhyst_ratio(int32_t numerator, int32_t denominator)
 {

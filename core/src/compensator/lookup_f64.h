@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interpolation in the tables of a compensator in double precision, and functions that its sources
-   share. */
+/* Interpolation in the tables of a compensator, and shared functions, in double precision. */
 #ifndef ANHYST_LOOKUP_F64_H
 #define ANHYST_LOOKUP_F64_H
 

@@ -13,9 +13,8 @@ typedef int32_t number; /* q31 */
 typedef int16_t entry;  /* q15 */
 typedef anhyst_map_q31 map_type;
 
-#define MAX_ENTRY                                                                                  \
-  ((number)ANHYST_Q15_MAX) /* maximum size of an entry, and of the difference                      \
-                              between neighbours */
+/* Maximum size of an entry, and of the difference between neighbours. */
+#define MAX_ENTRY ((number)ANHYST_Q15_MAX)
 
 /* Position of a signal in 2^n equal segments. */
 typedef struct {

@@ -21,8 +21,7 @@ static number add(number a, number b) { return anhyst_add_q31(a, b); }
 static number subtract(number a, number b) { return anhyst_sub_q31(a, b); }
 static number limit(number a, number low, number high) { return anhyst_clamp(a, low, high); }
 
-/* Limits a demand to the forces of the map, which start at 0; the largest code is the last
-   column. */
+/* Limits a demand to the forces of the map: 0 to the largest code (the last column). */
 static number limit_demand(const map_type *map, number demand)
 {
   (void)map;
@@ -45,8 +44,7 @@ static number side_from_distance(const law_type *law, number distance)
    only with other results of this function. */
 static number difference(number a, number b) { return (a >> 2) - (b >> 2); }
 
-/* Returns numerator/denominator with 14 bits, at most 1, never too large. Requires numerator >
-   0. */
+/* Returns numerator/denominator with 14 bits, at most 1, rounded down. Requires numerator > 0. */
 static number quotient_up_to_one(number numerator, number denominator)
 {
   if (numerator >= denominator) {
@@ -61,8 +59,7 @@ static number quotient_up_to_one(number numerator, number denominator)
   return (int32_t)((ratio << 15) >> (up - down));
 }
 
-/* Returns the same quotient with 28 bits: the remainder gives a second digit. Requires numerator >=
-   0. */
+/* Returns the same quotient with 28 bits: the remainder gives a second digit. numerator >= 0. */
 static number fine_quotient(number numerator, number denominator)
 {
   if (numerator == 0) {
@@ -90,8 +87,7 @@ static uint32_t add_word_to_checksum(uint32_t sum, entry word)
 
 static number word_to_current(entry word) { return (number)word * 65536; }
 
-/* Returns 2^-15 of full scale: a D/A converter may exceed a limit of the current by this
-   rounding. */
+/* Returns 2^-15 of full scale: rounding of a D/A converter may exceed a limit by this. */
 static number current_tolerance(const entry *words)
 {
   (void)words;

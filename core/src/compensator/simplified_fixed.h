@@ -57,8 +57,8 @@ static inline number hold_distance(const entry *words, number state)
   return anhyst_scale(-state, words[ANHYST_WORD_SIMPLE_REST]) >> 2;
 }
 
-/* Returns the slope of the bounded state over the flux on a rising path, 0..MAX_LAG_SLOPE. Requires
-   |state| <= ONE. */
+/* Returns the slope of the bounded state over the flux, 0..MAX_LAG_SLOPE. Requires |state| <=
+   ONE. */
 static inline number lag_slope(const entry *words, number state)
 {
   if (state < 0) {
@@ -100,8 +100,7 @@ typedef anhyst_spot spot; /* a position in the table */
 static inline number value_at(spot at) { return anhyst_value_at(at); }
 static inline number word_value(entry word) { return (number)word * 32768; }
 
-/* Returns the position on a segment where its line has risen by this amount, q15 in 0..1, rounded
-   down. */
+/* Returns the position where the line of a segment has risen by this, q15 in 0..1, rounded down. */
 static inline number part_at_rise(number rise_up_to_part, entry low, entry high)
 {
   const int32_t rise = (int32_t)high - low;

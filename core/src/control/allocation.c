@@ -23,8 +23,7 @@ static int32_t ratio(int32_t smaller, int32_t larger)
   const uint16_t up = anhyst_headroom(larger);
   const int32_t top = (int32_t)((uint32_t)smaller << up);
   const int32_t bottom = (int32_t)((uint32_t)larger << up); /* 2^30..2^31 - 1 */
-  const int32_t divisor = (bottom >> 15) + 1;               /* rounded up, so that no digit is too
-                                                               large */
+  const int32_t divisor = (bottom >> 15) + 1;               /* rounded up */
   const int32_t digit = anhyst_clamp(top / divisor, 0, ANHYST_Q15_MAX);
   const int32_t product_of_digit = 2 * anhyst_scale(bottom, (int16_t)digit);
   const int32_t remainder = anhyst_clamp(anhyst_sub_q31(top, product_of_digit), 0, 131071);
@@ -32,8 +31,8 @@ static int32_t ratio(int32_t smaller, int32_t larger)
   return anhyst_add_q31(digit * 65536, second_digit * 4);
 }
 
-/* Returns half the root of 1 + t*t, q31. A linear start value has an error of at most 1 %; each
-   Newton step doubles the digits. */
+/* Returns half the root of 1 + t*t, q31. Linear start value within 1 %; each Newton step doubles
+   the digits. */
 static int32_t half_root(int32_t t)
 {
   const int32_t square = product(t, t);

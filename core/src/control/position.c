@@ -119,8 +119,7 @@ void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words)
   start_fading(c);
 }
 
-/* Returns the state of the next tick. A candidate that waits for the measured current becomes the
-   state then. */
+/* Returns the state of the next tick: the candidate if it waits for the measured current. */
 static anhyst_pidd2_state_q31 *next_state(anhyst_position_q31 *c)
 {
   return c->pending != 0U ? &c->candidate.next : &c->state;

@@ -15,8 +15,7 @@
    first drive, with the net force of both. */
 typedef struct {
   const anhyst_wrench_way_q31 *way;
-  int32_t apart[DRIVES][DRIVES]; /* projection of the free units, q30; copied when the first unit is
-                                    fixed */
+  int32_t apart[DRIVES][DRIVES]; /* projection of the free units, q30; copied at the first fix */
   int32_t force[DRIVES];         /* of each unit, q28 */
   uint16_t free;                 /* units whose force is still unknown, bit mask */
   int has_copy;                  /* whether apart contains a copy */
@@ -40,8 +39,7 @@ static int pull_direction(const anhyst_wrench_q31 *w, int j)
   return other == j || has_bit(w->lost, other);
 }
 
-/* Returns the largest shift for quotients by this pivot. Numerators have at most the size of the
-   pivot's root. */
+/* Returns the largest shift for quotients by this pivot, with numerators up to the pivot's root. */
 static uint16_t quotient_shift(int32_t pivot)
 {
   return (uint16_t)(30U - (anhyst_headroom(pivot) + 1U) / 2U);
@@ -121,8 +119,8 @@ static int fix_unit(const anhyst_wrench_q31 *w, wrench_search *s, int j, int32_t
   return 1;
 }
 
-/* Sets the least-squares forces of the drives that are not lost. Returns 0 if they cannot make
-   every wrench. */
+/* Sets least-squares forces of the drives that are not lost. Returns 0 if some wrench is
+   impossible. */
 static int start_search(const anhyst_wrench_q31 *w, wrench_search *s,
                         const anhyst_wrench_way_q31 *way, const int32_t *wrench)
 {

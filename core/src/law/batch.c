@@ -11,8 +11,7 @@
 #define PASTE(a, b) PASTE_(a, b)
 #define BATCH(name) PASTE(PASTE(anhyst_batch_, name), ANHYST_BATCH_NAME)
 
-/* Number of sets that are simulated together, so that their states stay in the first-level
-   cache. */
+/* Number of sets that are simulated together: their states stay in the first-level cache. */
 #define BLOCK_SETS 64
 
 anhyst_status BATCH(run)(const anhyst_batch_sets *sets, anhyst_batch_mode mode, size_t n,
@@ -81,8 +80,7 @@ typedef struct {
 /* Purpose of an evaluation of the law. */
 enum { PREDICT, CORRECT, COMMIT };
 
-/* All code below works in the direction of travel: signs are removed once, because the law is
-   odd. */
+/* All code below works in the direction of travel: the law is odd, and signs are removed once. */
 
 static inline double positive(double value) { return value > 0.0 ? value : 0.0; }
 
@@ -108,7 +106,7 @@ static inline step_end estimate_end(double y0, double lead, double ahead, double
 }
 
 /* The linear step of operator.h: y1 = y0 + lead*E(S) + rise*G(S). A step that starts with constant
-   y starts at the crossing of the anhysteretic curve, S = s*ahead/(m1 - m0): a quotient
+   y starts at the crossing of the anhysteretic curve, S = s*ahead/(m1 - m0) =
    numerator/denominator. */
 static inline double linear_step(double y0, double m0, double m1, double ahead, double s)
 {

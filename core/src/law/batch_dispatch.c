@@ -20,8 +20,7 @@ DECLARE(_avx512)
 #endif
 
 #ifdef ANHYST_BATCH_X86
-/* Leaf 1, register c; leaf 7, register b; register 0 of the state that the system saves at a task
-   switch. */
+/* Leaf 1, register c; leaf 7, register b; register 0 of the state saved at a task switch. */
 #define FMA_XSAVE_AVX (1u << 12 | 1u << 27 | 1u << 28)
 #define AVX2 (1u << 5)
 #define AVX512_F_DQ_VL (1u << 16 | 1u << 17 | 1u << 31)

@@ -47,8 +47,7 @@ static const double gauss_weight[8] = {
 
 static integrator start_integrator(double kappa)
 {
-  /* Far left, L(x) = -1 - 1/x, and A + 1 is an exponential integral, computed by its asymptotic
-     series. */
+  /* Far left, L(x) = -1 - 1/x, and A + 1 is an exponential integral: its asymptotic series. */
   const double start_distance = ANHYST_X_MAX * 1.01;
   const double q = kappa / start_distance;
   integrator w;
@@ -131,8 +130,7 @@ static jet read_kappa_derivative(const integrator *w)
   return point;
 }
 
-/* Converts derivatives with respect to x to derivatives with respect to the position t on a piece
-   with the map x(t). */
+/* Converts derivatives over x to derivatives over the position t on a piece with the map x(t). */
 static jet to_piece_derivatives(jet point, double x1, double x2)
 {
   jet scaled;
@@ -178,8 +176,7 @@ static void store_piece(double piece[6], jet from, jet to)
   }
 }
 
-/* Tabulates one function. Tables are built in double precision for both formats, once for each
-   parameter set. */
+/* Tabulates one function in double precision, for both formats, once for each parameter set. */
 static void tabulate(anhyst_pieces_f64 *pieces, double kappa, jet (*read)(const integrator *))
 {
   const double inner_width = 1.0 / ANHYST_BRANCH_PER_UNIT;

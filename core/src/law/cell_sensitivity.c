@@ -69,8 +69,7 @@ static void store_play_derivatives(const problem *s, const anhyst_cells_state_f6
   }
 }
 
-/* Computes the derivatives at the new state. On entry, m_t contains the sum of the cells at
-   rest. */
+/* Differentiates at the new state. On entry, m_t contains the sum of the cells at rest. */
 static void differentiate(const problem *s, const anhyst_cells_state_f64 *state, double omega,
                           const double *omega_t, const double *r_t, double *numbers_t, double *x_t,
                           double *m_t)

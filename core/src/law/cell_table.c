@@ -5,16 +5,14 @@
 
 #include "cell_shape.h"
 
-/* Pieces per width of the narrowest curve in the first octave, and the maximum number of pieces in
-   an octave. */
+/* Pieces per width of the narrowest curve in the first octave, and maximum pieces in an octave. */
 static const double PIECES_PER_WIDTH = 4.0;
 static const int MAX_PIECES = 1024;
 /* Maximum error of the tables, as a fraction of the saturation. */
 static const double MAX_TABLE_ERROR = 1e-6;
 /* Reach of the tables, in units of the widest curve plus the largest threshold. */
 static const double REACH_FACTOR = 131072.0;
-/* Error of a quintic interpolation with value, slope and curvature at both ends:
-   h^6*f''''''/46080. */
+/* Error of a quintic with value, slope and curvature at both ends: h^6*f''''''/46080. */
 static const double QUINTIC_ERROR_DIVISOR = 46080.0;
 
 /* Returns an upper bound of the sixth derivative of the curve at and above |z|. */
@@ -79,8 +77,8 @@ static double piece_error(const anhyst_cell_weights_f64 *w, double low, double h
   for (int i = 0; i < w->cells; i++) {
     for (int j = 0; j < w->widths; j++) {
       if (w->weight[i * w->widths + j] > 0.0) {
-        /* The two halves of a curve bend where |x| is the sum of threshold and centre, and where it
-           is their difference. */
+        /* The halves of a curve bend where |x| is the sum or the difference of threshold and
+           centre. */
         const double above = distance(w->threshold[i] + centre_of(w, j), low, high);
         const double below = distance(fabs(w->threshold[i] - centre_of(w, j)), low, high);
         const double distance_from_bend = above < below ? above : below;
@@ -176,8 +174,7 @@ static void evaluate_rows(const anhyst_cell_weights_f64 *w, double x, cell_jet *
   }
 }
 
-/* Computes the piece of length h in the direction away from zero; direction is -1 for negative
-   fields. */
+/* Computes the piece of length h away from zero; direction is -1 for negative fields. */
 static void fill_piece(double *c, const cell_jet *from, const cell_jet *to, double h,
                        double direction)
 {

@@ -26,8 +26,7 @@ static inline double cell_place(uint64_t bits)
   return place;
 }
 
-/* Returns the bits of 1 + |x|/unit, limited to the end of the tables; the exponent is the
-   octave. */
+/* Returns the bits of 1 + |x|/unit, at most the end of the tables; the exponent is the octave. */
 static inline uint64_t cell_position_bits(const anhyst_cells_f64 *cells, double x)
 {
   const double place = 1.0 + fabs(x) * cells->per_unit;

@@ -14,8 +14,7 @@ typedef struct {
   const anhyst_cells_state_f64 *state;
   double sign, omega, target;
   double from;     /* start of the path */
-  double reached;  /* position reached so far: the left side of the equation is below its
-                      target */
+  double reached;  /* position so far; the left side is below its target */
   double residual; /* target minus left side there, > 0 */
   double rest;     /* sum of the cells at rest */
   anhyst_cells_bend_f64 bend;
@@ -142,8 +141,7 @@ static anhyst_status solve_rising(path *p, double steepest, anhyst_cells_candida
   for (;;) {
     const double edge = next_start(p);
     const double guess = p->reached + taylor_step(p->residual, p->omega, &p->bend);
-    /* Rounding, also of the residual at the start of the path, could move the solution beyond the
-       bound. */
+    /* Rounding, also of the first residual, could move the solution beyond the bound. */
     const double min_slope = 1.0 + p->omega * steepest;
     const double farthest = p->reached + (p->omega > 0.0 ? p->residual : p->residual / min_slope);
     double upper_bound = farthest + rounding(p, farthest) + 4.0 * DBL_EPSILON * fabs(p->reached);
@@ -210,8 +208,7 @@ static double find_fold(const path *p, double low, double high)
   return low;
 }
 
-/* Follows the path piece by piece to the first position where the left side reaches its target: m
-   may jump there. */
+/* Follows the path piece by piece to the first solution, where m may jump. */
 static anhyst_status solve_with_jumps(path *p, anhyst_cells_candidate_f64 *candidate)
 {
   while (p->reached < p->cells->reach) {

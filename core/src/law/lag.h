@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Interface of the methods that advance the irreversible part along a monotone path; one file for
-   each method. */
+/* Methods that advance the irreversible part along a monotone path; one file for each. */
 #ifndef ANHYST_LAG_H
 #define ANHYST_LAG_H
 
@@ -19,8 +18,7 @@ extern const anhyst_lag anhyst_lag_exact;
 extern const anhyst_lag anhyst_lag_linear;
 extern const anhyst_lag anhyst_lag_1986;
 
-/* Returns the bound of a method whose irreversible part is nowhere steeper than the anhysteretic
-   curve. */
+/* Returns the bound if the irreversible part is nowhere steeper than the anhysteretic curve. */
 double anhyst_lag_straight(const anhyst_operator_f64 *law);
 
 void anhyst_path_depart(anhyst_path_f64 *path);

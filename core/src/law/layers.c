@@ -156,8 +156,7 @@ static void set_sections(const layer_problem *problem, const double *start, cons
   }
 }
 
-/* Moves along a step until the slope has fallen to half its size or less, with either sign, or to
-   the end of the step. */
+/* Moves along a step until the slope is at most half its size, with either sign, or to its end. */
 static anhyst_status advance(layer_problem *problem, double *section, double *residual,
                              const double *step)
 {

@@ -93,8 +93,7 @@ static double irreversible(anhyst_path_f64 *path, double p, double pull, double 
 {
   *y_slope = 0.0;
   if (path->sign * (p - path->from.p) <= 0.0 || path->sign * (pull - path->from.y) <= 0.0) {
-    return path->from.y; /* the play is not at its end, or the anhysteretic curve is not crossed
-                            yet */
+    return path->from.y; /* play not at its end, or anhysteretic curve not crossed yet */
   }
   return lag_of(path->law)->carry(path, p, pull, slope, y_slope);
 }

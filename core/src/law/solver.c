@@ -71,8 +71,7 @@ static anhyst_status solve_in_bracket(path_search *search, double x,
       return ANHYST_OK;
     }
     if (is_inside && fabs(step) <= longest) {
-      /* Steps must halve, because Newton's method can oscillate across the two bends of the
-         curve. */
+      /* Steps must halve: Newton's method can oscillate across the two bends of the curve. */
       longest = 0.5 * fabs(step);
       x = next;
       continue;
@@ -123,8 +122,7 @@ static anhyst_status find_bracket(path_search *search, double d)
     anhyst_answer_f64 at;
     const double next = x + sign * (residual_size > min_step ? residual_size : min_step);
     if (sign * next > ANHYST_X_MAX) {
-      /* There is no solution up to this field. At larger fields, a step could be lost to
-         rounding. */
+      /* No solution up to this field. Above it, a step could be lost to rounding. */
       return ANHYST_OUT_OF_RANGE;
     }
     const double g = sign * residual(search, next, &at);

@@ -72,8 +72,7 @@ static double scaled_exp(double x, uint64_t shift)
   const pair *at = &power[bits & 63U];
   const double r = (x - steps * 0x1.62e42fefc0000p-7) + steps * 0x1.c610ca86c3899p-43;
   const double r2 = r * r;
-  /* Fifth order, with the sixth-order term distributed over the others by a Chebyshev
-     polynomial. */
+  /* Fifth order; a Chebyshev polynomial distributes the sixth-order term over the others. */
   const double low = 0.49999999999932843 + r * (1.0 / 6.0);
   const double high = 0.041666727751466 + r * (1.0 / 120.0);
   const double scale = from_bits(bits_of(at->value) + (((bits >> 6U) - shift) << 52U));
@@ -82,8 +81,7 @@ static double scaled_exp(double x, uint64_t shift)
 
 double anhyst_exp_f64(double x)
 {
-  /* At large |x|, the final multiplication decides between overflow, subnormal and normal
-     results. */
+  /* At large |x|, the final product decides between overflow, subnormal and normal results. */
   const uint64_t scale_shift = 128U;
   if (x < 700.0 && x > -700.0) {
     return scaled_exp(x, 0U);

@@ -31,8 +31,7 @@
    advances by one tick with the computed commands. The currents take effect `delay` sub-steps after
    the reading. The integration uses a fixed sub-step: the velocity by half a sub-step, the pose,
    the windings by the trapezoidal rule, the velocity by the other half. It is of second order in
-   the sub-step. In one coordinate with d = +1 or -1, every other factor is one or zero and changes
-   no bit. */
+   the sub-step. In one coordinate with d = +1 or -1, all other factors are one or zero. */
 #ifndef ANHYST_PLANT_BODY_H
 #define ANHYST_PLANT_BODY_H
 
@@ -72,12 +71,10 @@ typedef struct {
 
 /* Mounting of a head. FRAME: on the frame. BODY: on the body, measuring past the frame to a long
    target; a loop adds the motion of the frame along its line. GROUND: on the ground, from where it
-   sees another point of the body as the body moves; its line is relative to the sum of frame and
-   pose. */
+   sees another point of the body as the body moves; its line is relative to frame plus pose. */
 typedef enum { ANHYST_PLANT_FRAME, ANHYST_PLANT_BODY, ANHYST_PLANT_GROUND } anhyst_plant_base;
 
-/* A position sensor: an interferometer, or a gap sensor (zero is the gap, d points away from
-   it). */
+/* A position sensor: an interferometer, or a gap sensor (zero: the gap, d: away from it). */
 typedef struct {
   anhyst_plant_line line;
   double zero; /* reading at pose zero, m */
@@ -161,24 +158,22 @@ typedef struct {
 } anhyst_plant_head_state;
 
 typedef struct {
-  double pose[ANHYST_PLANT_AXES];           /* true values relative to the frame; m, rad */
-  double velocity[ANHYST_PLANT_AXES];       /* absolute, m/s, rad/s */
-  double frame_velocity[ANHYST_PLANT_AXES]; /* of the frame; set from outside */
-  double frame[ANHYST_PLANT_AXES];          /* position of the frame; set from outside */
-  double wrench[ANHYST_PLANT_AXES];         /* sum of the magnets, N, N m */
-  double force;                             /* of the magnets in the direction of the force sensor,
-                                               N */
-  double load;                              /* force of the load drive, N */
-  double ease[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES]; /* change of velocity in half a sub-step per N
-                                                        or N m */
+  double pose[ANHYST_PLANT_AXES];                    /* true values relative to the frame; m, rad */
+  double velocity[ANHYST_PLANT_AXES];                /* absolute, m/s, rad/s */
+  double frame_velocity[ANHYST_PLANT_AXES];          /* of the frame; set from outside */
+  double frame[ANHYST_PLANT_AXES];                   /* position of the frame; set from outside */
+  double wrench[ANHYST_PLANT_AXES];                  /* sum of the magnets, N, N m */
+  double force;                                      /* of the magnets along the force sensor, N */
+  double load;                                       /* force of the load drive, N */
+  double ease[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES]; /* velocity change per half sub-step and N or N
+                                                        m */
   double tie[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES];  /* force of a cable of 1 N/m per m or rad */
   double weight[ANHYST_PLANT_AXES];                  /* force and moment of gravity, N, N m */
   int can_turn;                                      /* whether a rotation is a free coordinate */
   anhyst_plant_actuator_state *actuator;             /* array of the caller, one for each magnet */
   anhyst_plant_head_state *head;                     /* array of the caller, one for each head */
   unsigned char due[ANHYST_PLANT_DELAY_MOST]; /* whether new outputs take effect in a sub-step */
-  unsigned at;                                /* index of the sub-step, modulo
-                                                 ANHYST_PLANT_DELAY_MOST */
+  unsigned at;                                /* sub-step modulo ANHYST_PLANT_DELAY_MOST */
   double load_velocity;                       /* estimate of the load drive, m/s */
   double load_position;                       /* last encoder reading, m */
   anhyst_plant_sensing force_sensing;
@@ -193,13 +188,11 @@ int anhyst_plant_start(const anhyst_plant_body *body, anhyst_plant_state *state,
 void anhyst_plant_place(const anhyst_plant_body *body, anhyst_plant_state *state,
                         const double *pose, const double *velocity);
 
-/* Moves the frame, one number for each free coordinate. Heads on the ground are settled at the new
-   position. */
+/* Moves the frame, one number for each free coordinate. Heads on the ground are settled there. */
 void anhyst_plant_ride(const anhyst_plant_body *body, anhyst_plant_state *state,
                        const double *frame);
 
-/* Changes the current of a magnet so slowly that nothing is induced. Afterwards, its amplifier
-   holds this current. */
+/* Changes the current of a magnet so slowly that nothing is induced. Its amplifier keeps it. */
 void anhyst_plant_hold(const anhyst_plant_body *body, anhyst_plant_state *state, int magnet,
                        double current);
 

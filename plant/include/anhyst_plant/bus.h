@@ -20,8 +20,7 @@ typedef struct {
   uint32_t tick;                          /* of the last sample; 0 before the first */
   uint32_t drive[ANHYST_BUS_DRIVE_WORDS]; /* the last answer of the firmware */
   void *firmware;
-  /* Tick of the firmware: words of a sample to words of a drive; NULL after the firmware has
-     ended. */
+  /* Tick of the firmware: words of a sample to words of a drive; NULL after its end. */
   void (*firmware_tick)(void *firmware, const void *sample, void *drive);
 } anhyst_bus_controller;
 

@@ -22,8 +22,7 @@ typedef struct {
 
 typedef struct {
   double place[ANHYST_PLANT_CELLS];    /* fields of the cells, A/m */
-  double rest[ANHYST_PLANT_CELLS + 1]; /* contribution of this and all following cells to the
-                                          polarisation, T */
+  double rest[ANHYST_PLANT_CELLS + 1]; /* polarisation of this and later cells, T */
 } anhyst_plant_cells;
 
 typedef struct {

@@ -23,14 +23,12 @@ typedef struct {
 
 /* Answer of a controller; all arrays are zero before the call. */
 typedef struct {
-  double *current;   /* references of the amplifiers, A, within limits and on the converter's
-                        grid */
+  double *current;   /* references of the amplifiers, A, limited and on the converter's grid */
   double *reference; /* present reference position of each coordinate */
   double *demand;    /* demanded net force of each coordinate */
   uint16_t state; /* 16*state + phase, see levitation.h, + 256*(highest number of a lost magnet) */
   uint16_t flags; /* see levitation.h and flags.h; combined by OR over the drives */
-  int gone;       /* 1: the controller does not exist any more, and the other members are not
-                     valid */
+  int gone;       /* 1: the controller has ended; the other members are not valid */
 } anhyst_loop_answer;
 
 typedef struct {

@@ -16,8 +16,7 @@ typedef struct {
   double knee_slow;  /* A/m */
 } anhyst_plant_curve;
 
-/* Returns the polarisation at a field, T, and its derivative. Inline, because cells call it
-   often. */
+/* Returns the polarisation at a field, T, and its derivative. Inline for speed. */
 static inline double anhyst_plant_polarisation(const anhyst_plant_curve *curve, double h,
                                                double *slope)
 {

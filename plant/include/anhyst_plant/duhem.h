@@ -11,7 +11,7 @@
    curve, by exp(-2*rate*height) per cycle, and a larger loop does not delete a smaller one exactly.
 
    With f = fading and n = rate*saturation: if f*(1 + 2/n + 2/n^2) <= 1, h stays between the two
-   parabolas, and every path dissipates energy: H*dJ - d(stored) >= 0, stored = integral of x dJ +
+   parabolas, and paths dissipate energy: H*dJ - d(stored) >= 0, stored = integral of x dJ +
    h^2/(2*q). */
 #ifndef ANHYST_PLANT_DUHEM_H
 #define ANHYST_PLANT_DUHEM_H

@@ -21,8 +21,7 @@ enum { ANHYST_HELD_GAP, ANHYST_HELD_FORCE, ANHYST_HELD_CURRENT, ANHYST_HELD_SENS
 
 typedef struct {
   anhyst_plant_magnet magnet;
-  double seconds; /* length of a tick, s, during which the iron moves; 0: so slow that nothing is
-                     induced */
+  double seconds; /* length of a tick, s; 0: so slow that nothing is induced */
   double low;     /* range of the converter, A */
   double high;
   double step;

@@ -37,8 +37,7 @@ typedef struct {
   uint64_t ticks;                          /* number of ticks so far */
 } anhyst_plant_loop;
 
-/* Events at each of n ticks. One row per tick; one number for each free coordinate, unless stated
-   otherwise. */
+/* Events at each of n ticks. One row per tick, one number per free coordinate, unless stated. */
 typedef struct {
   const double *target;    /* target position */
   const double *load;      /* force command of the load drive, N; one per tick */
@@ -63,8 +62,7 @@ typedef struct {
 #define ANHYST_LOOP_FAILS 16
 
 /* The list of recorded signals, one row per tick, with values at its start: name, unit (suffix of
-   columns), unit for a rotational coordinate, number of columns, and the expression of loop.c for
-   number j. */
+   columns), unit of rotations, number of columns, and expression for number j. */
 #define ANHYST_LOOP_TABLE(SIGNAL)                                                                  \
   SIGNAL(TIME, "t", "s", "s", TICK, (double)loop->ticks * body->tick)                              \
   SIGNAL(REFERENCE, "reference", "m", "rad", COORDINATE, answer->reference[j])                     \

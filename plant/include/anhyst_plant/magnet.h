@@ -69,8 +69,7 @@ typedef struct {
 
 void anhyst_plant_cone_at(const anhyst_plant_cone *cone, double gap, anhyst_plant_cone_gap *at);
 
-/* Returns the ampere-turns for a flux, A, starting the search at `near`; sets their slope over the
-   flux, 1/H. */
+/* Returns the ampere-turns for a flux, A, with a search from `near`; sets their slope, 1/H. */
 double anhyst_plant_cone_mmf(const anhyst_plant_cone_gap *at, double flux, double near,
                              double *slope);
 
@@ -88,8 +87,7 @@ typedef struct {
   double eddy;        /* field that opposes a change of flux density, A s/(m T) */
   double bias;        /* magnetomotive force per m of motion, A/m; 0: the gaps produce the force */
   double middle;      /* gap without this magnetomotive force, m */
-  double spring;      /* force against the motion that does not depend on the flux of the circuit,
-                         N/m */
+  double spring;      /* force against the motion independent of the flux, N/m */
   const anhyst_plant_solid *solid; /* null: all of it is laminated, as always with a cone */
   const anhyst_plant_cone *cone;   /* null: two gaps */
 } anhyst_plant_circuit;
@@ -101,8 +99,7 @@ typedef struct {
   double gain;      /* c_out, N/T^2 */
   double offset;    /* output without flux, N */
   double zero;      /* current without drive, A */
-  double density;   /* flux density in the gap divided by that of the law, whose scale is a free
-                       choice */
+  double density;   /* flux density in the gap over that of the law (free scale) */
 } anhyst_plant_row;
 
 /* Flux linkage over current (0..current_high, equal steps) and gap (equal steps), rising along the

@@ -22,8 +22,7 @@ extern "C" {
 #define ANHYST_PIEZO_CREEPS 8 /* maximum number of creep terms */
 
 typedef struct {
-  double stroke_per_volt;                  /* d: displacement of the free stack without hysteresis,
-                                              m/V */
+  double stroke_per_volt;                  /* d: of the free stack without hysteresis, m/V */
   double bend;                             /* b, m/V^2 */
   double slope;                            /* a: slope of the hysteretic part at a reversal, m/V */
   double beta;                             /* 1/V */

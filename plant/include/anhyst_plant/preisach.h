@@ -13,7 +13,7 @@
 
    The memory contains the nested reversal points that no larger loop has deleted. If it is full,
    paths within its last loop run back and forth on one branch without losses, and a larger loop
-   deletes them as usual. */
+   deletes them. */
 #ifndef ANHYST_PLANT_PREISACH_H
 #define ANHYST_PLANT_PREISACH_H
 
@@ -38,13 +38,11 @@ typedef struct {
 typedef struct {
   int turns;
   anhyst_plant_turn turn[ANHYST_PLANT_TURNS]; /* the outermost first */
-  double relays;                              /* present contribution of the relays to the
-                                                 polarisation, T */
+  double relays;                              /* present polarisation of the relays, T */
 } anhyst_plant_preisach;
 
 typedef struct {
-  int turns; /* number of reversal points at the goal; one more than before after a reversal at the
-                present field */
+  int turns; /* reversal points at the goal; one more after a reversal at the present field */
   double relays;
 } anhyst_plant_preisach_goal;
 

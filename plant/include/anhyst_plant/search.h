@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The search for the field of an iron. Inline, so that each family compiles it with its own look
-   function. */
+/* The search for the field of an iron. Inline, with the look function of each family. */
 #ifndef ANHYST_PLANT_SEARCH_H
 #define ANHYST_PLANT_SEARCH_H
 

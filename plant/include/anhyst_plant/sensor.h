@@ -37,8 +37,7 @@ typedef struct {
   unsigned at;
 } anhyst_plant_sensing;
 
-/* Limits a value to the range; returns low for NaN. The C library's fmin and fmax do not define the
-   sign of zero. */
+/* Limits a value to the range; low for NaN. C's fmin and fmax do not define the sign of zero. */
 static inline double anhyst_plant_bound(double value, double low, double high)
 {
   return value > low ? (value < high ? value : high) : low;

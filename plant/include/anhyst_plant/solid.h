@@ -40,8 +40,7 @@ typedef struct {
   double density; /* mean over the cross-section, T */
 } anhyst_plant_soaked;
 
-/* Solves a step without changing the memories: those of the volumes, the surface first, and that of
-   the laminations. */
+/* Solves a step. Does not change the memories of volumes (surface first) and laminations. */
 void anhyst_plant_soak(const anhyst_plant_iron *iron, const anhyst_plant_solid *solid,
                        const anhyst_plant_memory *volume, const anhyst_plant_memory *sheets,
                        const anhyst_plant_asked *asked, anhyst_plant_soaked *found);

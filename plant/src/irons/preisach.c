@@ -29,8 +29,7 @@ static position locate(const anhyst_plant_preisach_steel *steel, double x)
   return found;
 }
 
-/* Change of the relays' polarisation on a path, T, and its derivatives with respect to both ends, T
-   per node. */
+/* Change of the relays' polarisation on a path, T, and derivatives over both ends, T per node. */
 typedef struct {
   double change;
   double by_begin;

@@ -7,7 +7,7 @@
    full scale) plus 2 ulp of the signal in the outer format. In single precision, the second part is
    larger: 2.4e-7 of a force, a current, or the distance of a gap from gap_low. A force or a gap
    that is NaN demands the lowest force. A flux density that is NaN means that there is no probe. No
-   function waits or loops. generic/force_coded.h contains the declarations. */
+   function waits or loops. Declarations: generic/force_coded.h. */
 #ifndef ANHYST_FORCE_CODED_REAL_H
 #define ANHYST_FORCE_CODED_REAL_H
 

@@ -12,7 +12,7 @@
    integral. commit returns the expected force, for the integral of the outer controller.
 
    Signals are q31: force and current over their full scales, the gap 0..1.0 over its range, the
-   flux density over its full scale. generic/force_controller.h contains the declarations. */
+   flux density over its full scale. Declarations: generic/force_controller.h. */
 #ifndef ANHYST_FORCE_CONTROLLER_H
 #define ANHYST_FORCE_CONTROLLER_H
 
@@ -34,10 +34,8 @@ typedef struct {
   anhyst_factor proportional; /* k_p*B/U */
   anhyst_factor integral;     /* k_i*T*B/U */
   anhyst_factor back;         /* back-calculation gain: share of applied - wanted that is added to
-                                 the integral in each tick in which the controller's limits cut the
-                                 current */
-  anhyst_factor smoothing;    /* minus the share of a step that is expected in the flux density
-                                 after one tick */
+                                 the integral in a tick with a limited current */
+  anhyst_factor smoothing;    /* minus the share of a flux step expected after one tick */
   int32_t most;               /* maximum current that is added to that of a compensator, >= 0 */
 } anhyst_flux_loop_q31;
 

@@ -26,8 +26,7 @@ typedef struct {
   uint16_t gap_segments;   /* m: 0..6 */
 } anhyst_map_q31;
 
-/* Returns ANHYST_OK if a map is valid, otherwise ANHYST_BAD_PARAMETER. Reads every entry: must not
-   be called from an ISR. */
+/* Returns ANHYST_OK or ANHYST_BAD_PARAMETER. Reads every entry: must not be called from an ISR. */
 anhyst_status anhyst_map_check_q31(const anhyst_map_q31 *map);
 
 /* Returns the value, q31. A signal below 0 counts as 0. */

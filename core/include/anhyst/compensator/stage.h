@@ -9,8 +9,8 @@
    A search that starts from the memory may start at `next` in two cases. `field` may do so if the
    stage is HERE, because the demand has changed little since the last tick. `flux` may do so if the
    stage is HERE or AHEAD, because the applied current is close to the solved one. In all other
-   cases, the search starts at the memory itself. A second solve without a commit finds AHEAD, and
-   starts at the memory. */
+   cases, the search starts at the memory itself. A second solve without a commit starts at the
+   memory. */
 #ifndef ANHYST_STAGE_H
 #define ANHYST_STAGE_H
 

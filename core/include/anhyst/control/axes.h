@@ -28,9 +28,8 @@
    refused if anything is lost. LAND moves the reference down until the body is at rest. Other
    commands are refused.
 
-   Head readings are relative to the readings at the target. Single precision resolves a nanometre
-   over 8 mm only, so subtract integers or doubles before rounding. generic/axes.h contains the
-   declarations. */
+   Head readings are relative to the readings at the target. Single precision resolves 1 nm over 8
+   mm only, so subtract integers or doubles before rounding. Declarations: generic/axes.h. */
 #ifndef ANHYST_AXES_H
 #define ANHYST_AXES_H
 
@@ -53,8 +52,7 @@ typedef enum {
   ANHYST_AXES_LIFT
 } anhyst_axes_state;
 
-/* A matrix by rows, and the PID of an axis. The fixed-point types have more members, see
-   axes_fixed.h. */
+/* A matrix by rows, and the PID of an axis. axes_fixed.h has types with more members. */
 typedef const double *anhyst_rows_f64;
 typedef const float *anhyst_rows_f32;
 typedef anhyst_biquad_f64 anhyst_axis_pid_f64;

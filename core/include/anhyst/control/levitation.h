@@ -31,8 +31,7 @@
 extern "C" {
 #endif
 
-/* Plausibility limits of the position. Constants of a board, which no parameter exchange can
-   change. */
+/* Plausibility limits of the position: constants of a board, which no exchange can change. */
 typedef struct {
   int32_t low; /* less than high */
   int32_t high;

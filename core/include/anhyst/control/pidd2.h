@@ -15,8 +15,7 @@
    term of u saturates, at no less than twice full scale if its mantissa is normalised, the integral
    at twice full scale, the output at its limits.
 
-   No loops. The number of instructions does not depend on the signals, except for branches of
-   saturation. */
+   No loops. The instructions do not depend on the signals, except for branches of saturation. */
 #ifndef ANHYST_PIDD2_H
 #define ANHYST_PIDD2_H
 
@@ -78,8 +77,8 @@ int32_t anhyst_pidd2_solve_q31(const anhyst_pidd2_gains_q31 *gains,
                                int32_t position, int32_t load,
                                anhyst_pidd2_candidate_q31 *candidate);
 
-/* Advances the state to that of the candidate. Its integral is corrected by the part of the output
-   that was not applied. */
+/* Advances the state to that of the candidate. The part of the output that was not applied corrects
+   its integral. */
 void anhyst_pidd2_commit_q31(const anhyst_pidd2_gains_q31 *gains, anhyst_pidd2_state_q31 *state,
                              const anhyst_pidd2_candidate_q31 *candidate, int32_t applied);
 

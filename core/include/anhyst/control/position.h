@@ -16,8 +16,8 @@
 
    Signals are q31: position, load, force, current and flux density over their full scales. The full
    scale of the demand is that of the force controllers' force, so that codes pass unchanged. No
-   function allocates memory, waits, or has a loop whose length depends on a signal.
-   generic/position.h contains the declarations. */
+   function allocates memory, waits, or has a loop whose length depends on a signal. Declarations:
+   generic/position.h. */
 #ifndef ANHYST_POSITION_H
 #define ANHYST_POSITION_H
 
@@ -31,8 +31,7 @@
 extern "C" {
 #endif
 
-/* Conversion of a position to the gap of a magnet, 0..1.0 over its range: offset +
-   2*factor*position. */
+/* Gap of a magnet, 0..1.0 over its range, from a position: offset + 2*factor*position. */
 typedef struct {
   int32_t offset;
   anhyst_factor factor;

@@ -25,8 +25,7 @@ typedef struct {
   anhyst_biquad_f64 pid;
   double low; /* limits of the amplifier's input */
   double high;
-  double step;                     /* step of its converter: outputs are low, low + step, ...; 0: no
-                                      grid */
+  double step;                     /* step of its converter: low, low + step, ...; 0: no grid */
   const anhyst_biquad_f64 *filter; /* filters of the error in series, `filters` of them */
   uint16_t filters;
 } anhyst_tracking_settings;

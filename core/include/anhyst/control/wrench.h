@@ -15,8 +15,8 @@
    number of passes. Factorisations are stored for the next wrench, which usually needs the same
    ones. Only the time depends on earlier wrenches.
 
-   No function allocates memory; loops are bounded by the numbers of axes and drives.
-   generic/wrench.h contains the declarations. */
+   No function allocates memory; loops are bounded by the numbers of axes and drives. Declarations:
+   generic/wrench.h. */
 #ifndef ANHYST_WRENCH_H
 #define ANHYST_WRENCH_H
 

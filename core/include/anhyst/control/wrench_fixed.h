@@ -32,8 +32,8 @@ extern "C" {
 typedef struct {
   anhyst_rows_q31 make; /* one row per drive, q28 per wrench code; the first drive of a pair has the
                            row of the net force, the other one zeros */
-  const int32_t *apart; /* one row per drive, q30: projection of forces onto those that make no
-                           wrench; pairs as above */
+  const int32_t *apart; /* one row per drive, q30: projection onto forces without a wrench; pairs as
+                           above */
 } anhyst_wrench_way_q31;
 
 /* Arrangement of the drives; constant. */

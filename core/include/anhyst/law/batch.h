@@ -35,16 +35,14 @@ typedef enum {
   ANHYST_BATCH_IMPLICIT = 1
 } anhyst_batch_mode;
 
-/* Instruction sets for which the batch is compiled. Every processor also has the sets before its
-   own. */
+/* Instruction sets of the batch. Every processor also has the sets before its own. */
 typedef enum {
   ANHYST_BATCH_BASE = 0, /* every processor of the family */
   ANHYST_BATCH_AVX2 = 1, /* with FMA */
   ANHYST_BATCH_AVX512 = 2
 } anhyst_batch_level;
 
-/* Returns the last instruction set that this processor has. Takes up to 40 us on a virtual
-   machine. */
+/* Returns the last instruction set of this processor. Takes up to 40 us on a virtual machine. */
 anhyst_batch_level anhyst_batch_best(void);
 
 /* Follows n samples of one drive with every set, without play. x and y (one entry for each set) are
@@ -58,8 +56,7 @@ anhyst_status anhyst_batch_f64(const anhyst_batch_sets *sets, anhyst_batch_level
                                anhyst_batch_mode mode, size_t n, const double *drive, double *x,
                                double *y, double *m_out, double *x_out);
 
-/* Computes the inline exp(-t), t >= 0, and Langevin function of the batch, to measure their
-   errors. */
+/* Evaluates the inline exp(-t), t >= 0, and Langevin function of the batch to test their errors. */
 anhyst_status anhyst_batch_functions_f64(anhyst_batch_level level, size_t n, const double *t,
                                          double *exp_minus, double *langevin);
 

@@ -23,8 +23,7 @@
 extern "C" {
 #endif
 
-/* A function of x in quintic pieces: coefficients of the powers 0 to 5 of the position on the
-   piece, 0 to 1. */
+/* A function of x in quintic pieces: coefficients of powers of the position, 0 to 1. */
 typedef struct {
   double inner[ANHYST_BRANCH_INNER][6]; /* -30 <= x <= 30 */
   double left[ANHYST_BRANCH_OUTER][6];  /* x < -30, over ln(-x/30) */

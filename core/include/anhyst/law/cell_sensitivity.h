@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Derivatives of a path of play cells with respect to parameters, in forward mode and double
-   precision. */
+/* Parameter derivatives of a path of play cells, in forward mode and double precision. */
 #ifndef ANHYST_CELL_SENSITIVITY_H
 #define ANHYST_CELL_SENSITIVITY_H
 

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The play-cell law in double precision: play operators in the effective field, and the sum of
-   their curves. */
+/* The play-cell law in double precision: play operators in the effective field with curves. */
 #ifndef ANHYST_CELLS_H
 #define ANHYST_CELLS_H
 
@@ -39,8 +38,7 @@ typedef struct {
 
 /* A quintic piece. */
 typedef struct {
-  double c[6]; /* coefficients of powers of the position on the piece, 0 to 1 in the direction away
-                  from zero */
+  double c[6]; /* coefficients of powers of the position, 0 to 1 away from zero */
 } anhyst_cell_piece_f64;
 
 /* The law as a table, so that a step takes the same time for any number of cells. While x rises,
@@ -60,16 +58,14 @@ typedef struct {
   double per_unit;
   double top; /* end of the tables, as 1 + |x|/unit */
   int octaves;
-  int shift[ANHYST_CELLS_OCTAVES]; /* right shift from the bits of a position to the index of its
-                                      piece */
+  int shift[ANHYST_CELLS_OCTAVES]; /* right shift from position bits to piece index */
   int64_t first[ANHYST_CELLS_OCTAVES];
   double per_piece[ANHYST_CELLS_OCTAVES]; /* pieces per unit */
   int64_t pieces;                         /* number of pieces on each side of zero */
   const anhyst_cell_piece_f64 *rows;      /* `cells` rows of 2*pieces */
 } anhyst_cells_f64;
 
-/* Derivatives of the sum of the moving cells with respect to x*direction, at the position of a
-   state. */
+/* Derivatives of the sum of the moving cells over x*direction at a state. */
 typedef struct {
   double slope, curve, third;
 } anhyst_cells_bend_f64;
@@ -82,8 +78,7 @@ typedef struct {
   double rest;      /* sum of the cells at rest, times the direction */
   anhyst_cells_bend_f64 bend;
   int active;                     /* number of moving cells, the first ones */
-  double place[ANHYST_CELLS_MAX]; /* p_i of the cells at rest; the others are at x -
-                                     direction*r_i */
+  double place[ANHYST_CELLS_MAX]; /* p_i of cells at rest; others: x - direction*r_i */
 } anhyst_cells_state_f64;
 
 /* A trial step before its commit: the state without the places, which change only at a reversal. */
@@ -114,8 +109,7 @@ void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weight
                                anhyst_cell_piece_f64 *storage);
 
 /* Sets a state from any x and p_1..p_n (`cells` numbers). x is limited to the reach (0 for NaN),
-   and each place to the distance from the place before that their thresholds allow. A valid state
-   is not changed. */
+   and each place to the allowed distance from the place before. A valid state is not changed. */
 void anhyst_cells_enter_f64(const anhyst_cells_f64 *cells, const double *numbers,
                             anhyst_cells_state_f64 *state);
 

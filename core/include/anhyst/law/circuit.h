@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The magnetic circuit in physical quantities: drive to flux density and back, through a gap, with
-   eddy currents. */
+/* The magnetic circuit in physical units: drive to flux density and back, with eddy currents. */
 #ifndef ANHYST_CIRCUIT_H
 #define ANHYST_CIRCUIT_H
 
@@ -17,8 +16,7 @@ extern "C" {
 
 /* Maximum number of layers of solid iron. */
 #define ANHYST_LAYERS_MAX 16
-/* Maximum number of hysteresis states of an iron: one for each layer, and one for the laminated
-   part. */
+/* Maximum number of hysteresis states of an iron: one for each layer and the laminated part. */
 #define ANHYST_MEMORIES_MAX (ANHYST_LAYERS_MAX + 1)
 
 /* A material in physical units. The structures behind the pointers must outlive it. Iron with
@@ -31,16 +29,13 @@ typedef struct {
   double interaction;     /* alpha, below 1 */
   double grain;           /* scale of a state's numbers, reference of tolerances */
   int layers;             /* 1: uniform field */
-  double surface;         /* share of the first layer in the cross-section, above 0; 1 for a single
-                             layer */
-  double laminated;       /* share of the path in laminations, whose field follows immediately; 0 to
-                             below 1 */
+  double surface;         /* share of the first layer in the section, above 0; 1: single layer */
+  double laminated;       /* laminated share of the path, without eddy currents; 0 to below 1 */
 } anhyst_iron_f64;
 
 /* The circuit around the iron at one sample. All zeros: the drive is the field itself. */
 typedef struct {
-  double gap_ratio; /* rho: reluctance of the gap divided by that of an air-filled iron path, >=
-                       0 */
+  double gap_ratio; /* rho: reluctance of the gap over that of an air-filled iron path, >= 0 */
   /* gamma/dt, A/(m T): field, from the surface to the middle of the solid part, that opposes each
      change of flux density, >= 0 */
   double eddy;
@@ -77,8 +72,8 @@ anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double s
 /* Returns the number of hysteresis states in a state of the iron. */
 int anhyst_memories_f64(const anhyst_iron_f64 *iron);
 
-/* Returns the flux density of a state, T. Here and below, state points to the first of its
-   hysteresis states. */
+/* Returns the flux density of a state, T. From here on, state points to its first hysteresis
+   state. */
 double anhyst_flux_of_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state);
 
 /* Commits a solution to the state from which it was found. */

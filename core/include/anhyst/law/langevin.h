@@ -7,10 +7,9 @@
 extern "C" {
 #endif
 
-/* Returns L(z) = coth(z) - 1/z and, in *slope, L'(z), for any finite z. For |z| < 1.5, uses the
-   convergent of the continued fraction with 10 levels, as one quotient of polynomials with positive
-   coefficients; otherwise the exponential form. The relative errors of L and L' are 4e-16 and
-   1.7e-15. */
+/* Returns L(z) = coth(z) - 1/z and, in *slope, L'(z), for any finite z. For |z| < 1.5, uses 10
+   levels of the continued fraction, as one quotient of polynomials with positive coefficients;
+   otherwise the exponential form. The relative errors of L and L' are 4e-16 and 1.7e-15. */
 double anhyst_langevin_f64(double z, double *slope);
 
 /* Returns the z with L(z) = y, for |y| < 1, by Newton's method from a rational start value. The

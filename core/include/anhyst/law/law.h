@@ -41,8 +41,7 @@ typedef struct {
   void (*accept)(const void *law, anhyst_memory_f64 *state, const anhyst_solution_f64 *found);
   /* Returns effective field and magnetisation of a state. */
   void (*read)(const void *law, const anhyst_memory_f64 *state, double *x, double *m);
-  /* Set a state from its numbers, and the numbers from a state. ANHYST_BAD_STATE: the law cannot
-     reach the state. */
+  /* Convert numbers to a state and back. ANHYST_BAD_STATE: the law cannot reach the state. */
   anhyst_status (*enter)(const void *law, const double *numbers, anhyst_memory_f64 *state);
   void (*leave)(const void *law, const anhyst_memory_f64 *state, double *numbers);
   /* Extrapolates the numbers after three repetitions of a cycle, the oldest first. Sets the state

@@ -47,8 +47,7 @@ typedef struct {
   double p_slope; /* dp/dx: 1 if the play moves, otherwise 0 */
 } anhyst_answer_f64;
 
-/* A monotone path that starts at a state: data that are prepared once and used for many end
-   points. */
+/* A monotone path from a state: data that are prepared once for many end points. */
 typedef struct {
   const anhyst_operator_f64 *law;
   anhyst_state_f64 from;

@@ -11,8 +11,7 @@
 extern "C" {
 #endif
 
-/* One direction of differentiation: the derivatives of the constant parameters and of the state,
-   which is advanced. */
+/* One direction of differentiation: derivatives of the parameters and of the advanced state. */
 typedef struct {
   double kappa, c, play;
   anhyst_state_f64 state;

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Selects single precision for the generic headers and sources that are included next; see
-   f64.h. */
+/* Selects single precision for the generic headers and sources that follow; see f64.h. */
 #include "anhyst/numeric/names.h"
 
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0)

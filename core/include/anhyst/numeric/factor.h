@@ -31,13 +31,11 @@ static inline int anhyst_factor_is_share(anhyst_factor factor)
   return factor.mantissa <= 0 && factor.shift >= 0 && factor.shift <= 1;
 }
 
-/* Returns x*factor, rounded down. The error is less than 1 LSB. The result saturates if x*2^shift
-   exceeds the range. */
+/* Returns x*factor, rounded down. Error below 1 LSB. Saturates if x*2^shift does. */
 static inline int32_t anhyst_factor_product(int32_t x, anhyst_factor factor)
 {
   if (factor.shift >= 0) {
-    /* The shift comes first because a later shift would enlarge the rounding error of the
-       product. */
+    /* First shifted, because a later shift would enlarge the rounding error of the product. */
     return anhyst_scale(anhyst_shl_q31(x, (uint16_t)factor.shift), factor.mantissa);
   }
   return anhyst_scale(x, factor.mantissa) >> -factor.shift;

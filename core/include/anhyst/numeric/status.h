@@ -21,8 +21,7 @@ typedef enum {
   ANHYST_NOT_CONVERGED = -5,
   /* A cycle did not close within the given number of repetitions. */
   ANHYST_NOT_SETTLED = -6,
-  /* The caller was compiled with a different ANHYST_MEMORIES than this library. Nothing was
-     changed. */
+  /* The caller was compiled with another ANHYST_MEMORIES than this library. No change. */
   ANHYST_BAD_SIZE = -7
 } anhyst_status;
 

@@ -55,8 +55,7 @@ static inline int32_t anhyst_product_q31(int32_t a, int32_t b)
   return anhyst_sat_wide(anhyst_part_wide(anhyst_wide(a, b), 31));
 }
 
-/* Returns whether all numbers and shifts of `count` rows of `length` numbers are in their
-   ranges. */
+/* Returns whether numbers and shifts of `count` rows of `length` numbers are in range. */
 static inline int anhyst_rows_are_valid_q31(anhyst_rows_q31 rows, uint16_t count, uint16_t length)
 {
   int valid = length <= ANHYST_ROW_LENGTH;

@@ -10,8 +10,8 @@
 #define MAX_CURRENT_SHIFT 0
 #define MAX_FLUX_SHIFT 0
 #define MAX_BLOCK_WORDS ANHYST_BLOCK_MOST_REAL_WORDS
-#define WORD_HALVES                                                                                \
-  ((uint16_t)(sizeof(entry) / sizeof(uint16_t))) /* number of 16-bit halves in a word */
+/* Number of 16-bit halves in a word. */
+#define WORD_HALVES ((uint16_t)(sizeof(entry) / sizeof(uint16_t)))
 
 /* Returns 16 bits of a word; half 0 contains the lowest ones, for any byte order in memory. */
 static inline uint16_t bits_of(entry word, uint16_t half)

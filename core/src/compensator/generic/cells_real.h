@@ -157,12 +157,10 @@ static inline number inner_limit(const entry *words, int word) { return words[wo
 
 #define MAX_ROW_DIFFERENCE ((number)1) /* maximum difference between two rows */
 #define MIN_THRESHOLD GRID_STEP        /* smallest threshold of a cell */
-#define ARM_ROUNDING                                                                               \
-  NUMBER_EPS /* rounding error of a weight between two table                                       \
-                entries */
-#define MIN_SEGMENT_RISE                                                                           \
-  ((number)0.5 * NUMBER_EPS) /* minimum rise on a segment, larger than                             \
-                                rounding errors */
+/* Rounding error of a weight between two table entries. */
+#define ARM_ROUNDING NUMBER_EPS
+/* Minimum rise on a segment, larger than rounding errors. */
+#define MIN_SEGMENT_RISE ((number)0.5 * NUMBER_EPS)
 #define QUARTER_WEIGHT ((number)0.25)
 
 #define TRANSFER_BISECTIONS 56

@@ -2,14 +2,12 @@
 /* Operations of a floating-point compensator, for compensator.h. Signals are in the units of the
    model; internally, demand and current are fractions of full scale. */
 
-#define FRACTION_TOLERANCE                                                                         \
-  ((number)3.0517578125e-5) /* 2^-15: tolerance of a signal beyond a                               \
-                               limit */
+/* 2^-15: tolerance of a signal beyond a limit. */
+#define FRACTION_TOLERANCE ((number)3.0517578125e-5)
 #define DEMAND_TOLERANCE FRACTION_TOLERANCE
 #define CURRENT_TOLERANCE FRACTION_TOLERANCE
-#define MAX_CURRENT                                                                                \
-  ((number)2) /* the largest current whose flux is searched for, fraction of full                  \
-                 scale */
+/* The largest current whose flux is searched for, fraction of full scale. */
+#define MAX_CURRENT ((number)2)
 
 typedef struct {
   const entry *words; /* words of the block, advanced to the segment */

@@ -43,7 +43,7 @@ static inline path_point point_of_memory(const compensator *c, number *rise)
 static inline void start_path(const compensator *c, branch_path *path, mirror_type mirror,
                               number rise, path_point *point)
 {
-  init_path(path, c->words, &c->memory.full, mirror);
+  init_branch_path(path, c->words, &c->memory.full, mirror);
   find_departure(path, c->words, &c->memory.full, mirror);
   point->x = path->x;
   point->m = mirrored(point->m, mirror);
@@ -52,8 +52,8 @@ static inline void start_path(const compensator *c, branch_path *path, mirror_ty
 
 /* Stores a point on a path as the trial step, in the true direction of the path. If the play has
    not moved, it has not reversed either. */
-static inline void store_candidate(compensator *c, const branch_path *path, mirror_type mirror,
-                                   const path_point *point)
+static inline void store_step(compensator *c, const branch_path *path, mirror_type mirror,
+                              const path_point *point)
 {
   const full_memory *from = &c->memory.full;
   candidate *to = &c->next;
@@ -127,7 +127,7 @@ static number field_for_flux(compensator *c)
   eq.target = mirrored(eq.target, mirror);
   start_path(c, &path, mirror, segment_rise, &point);
   const int is_limited = search_path(&path, &eq, &of_limit, &point);
-  store_candidate(c, &path, mirror, &point);
+  store_step(c, &path, mirror, &point);
   return is_limited ? to_memory(mirrored(MAX_FIELD, mirror)) : c->next.memory.full.x;
 }
 
@@ -148,7 +148,7 @@ static int solve_from_last_step(compensator *c, number target)
   const mirror_type mirror = mirror_for(end->of.full.direction < 0);
   branch_path path;
   path_point point;
-  init_path(&path, c->words, &c->memory.full, mirror);
+  init_branch_path(&path, c->words, &c->memory.full, mirror);
   point.x = limit_from_below(mirrored(to_inner(end->memory.full.x), mirror), path.x);
   point.y = mirrored(to_inner(end->memory.full.y), mirror);
   point.p = path.p;
@@ -160,7 +160,7 @@ static int solve_from_last_step(compensator *c, number target)
   const number next = point.x + step_against(-residual, left_side_slope(&eq, point.m_slope));
   if (next >= path.x && next <= MAX_FIELD && is_tangent_accurate(&path, point.x, next)) {
     follow_tangent(&path, next, &point);
-    store_candidate(c, &path, mirror, &point);
+    store_step(c, &path, mirror, &point);
     return 1;
   }
   number segment_rise;
@@ -172,7 +172,7 @@ static int solve_from_last_step(compensator *c, number target)
   find_departure(&path, c->words, &c->memory.full, mirror);
   const equation of_rest = equation_for_residual(c, &point, residual);
   (void)search_path(&path, &of_rest, 0, &point);
-  store_candidate(c, &path, mirror, &point);
+  store_step(c, &path, mirror, &point);
   return 1;
 }
 
@@ -190,7 +190,7 @@ static number flux_for_current(compensator *c, number current)
       start_path(c, &path, mirror, segment_rise, &point);
       const equation eq = equation_for_residual(c, &point, mirrored(residual, mirror));
       (void)search_path(&path, &eq, 0, &point);
-      store_candidate(c, &path, mirror, &point);
+      store_step(c, &path, mirror, &point);
     } else {
       keep_state(c, point.m);
     }

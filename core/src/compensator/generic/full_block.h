@@ -107,14 +107,14 @@ static void transfer_state(compensator *c, const entry *words, number flux)
   branch_path path;
   old_state from;
   number rise;
-  init_path(&path, before, memory, mirror_for(0));
+  init_branch_path(&path, before, memory, mirror_for(0));
   const number anhysteretic_field = interpolate_odd(inverse_of(before), path.y, &rise);
   from.inverse_error = path.y - interpolate_odd(curve_of(before), anhysteretic_field, &rise);
   from.x = limit_to_tables(convert_unit(path.x, before, words, ANHYST_WORD_UNIT_FIELD));
   from.p = limit_to_tables(convert_unit(path.p, before, words, ANHYST_WORD_UNIT_FIELD));
   from.anhysteretic_field =
       limit_to_tables(convert_unit(anhysteretic_field, before, words, ANHYST_WORD_UNIT_FIELD));
-  init_path(&path, words, memory, mirror_for(0));
+  init_branch_path(&path, words, memory, mirror_for(0));
   number low = -2 * UNIT;
   number high = 2 * UNIT;
   for (int16_t i = 0; i < BISECTIONS; i++) {

@@ -81,8 +81,8 @@ static inline number on_path(number a, mirror_type mirror)
   return mirrored(limit_to_unit(to_inner(a)), mirror);
 }
 
-static inline void init_path(branch_path *path, const entry *words, const full_memory *from,
-                             mirror_type mirror)
+static inline void init_branch_path(branch_path *path, const entry *words, const full_memory *from,
+                                    mirror_type mirror)
 {
   path->x = on_path(from->x, mirror);
   path->y = on_path(from->y, mirror);

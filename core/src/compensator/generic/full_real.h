@@ -8,11 +8,10 @@
 
 #define UNIT ((number)1)
 #define MAX_FIELD UNIT /* the largest field */
-#define RESIDUAL_DEADBAND                                                                          \
-  ((number)4 * NUMBER_EPS) /* largest residual that counts as rounding                             \
-                              error */
-#define PLAY_SLACK                                                                                 \
-  ((number)4 * NUMBER_EPS)       /* rounding error between the play and its end position */
+/* Largest residual that counts as rounding error. */
+#define RESIDUAL_DEADBAND ((number)4 * NUMBER_EPS)
+/* Rounding error between the play and its end position. */
+#define PLAY_SLACK ((number)4 * NUMBER_EPS)
 #define MIN_SLOPE ((number)1e-6) /* smallest slope of a left side that is divided by */
 #define MAX_SLOPE ((number)1e6)
 #define QUARTER ((entry)0.25)

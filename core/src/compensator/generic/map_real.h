@@ -4,9 +4,8 @@
 
 typedef number entry;
 
-#define MAX_ENTRY                                                                                  \
-  ((number)1e30) /* maximum size of an entry, and of the difference between                        \
-                    neighbours */
+/* Maximum size of an entry, and of the difference between neighbours. */
+#define MAX_ENTRY ((number)1e30)
 #define ONE ((number)1)
 
 /* Position of a signal in equal segments. */

@@ -18,8 +18,7 @@ static number limit(number a, number low, number high)
   return a > high ? high : a;
 }
 
-/* Limits a demand to the forces of the map. Returns 0, or the smallest force if that is above 0,
-   for NaN. */
+/* Limits a demand to the forces of the map. NaN becomes 0 or the smallest positive force. */
 static number limit_demand(const map_type *map, number demand)
 {
   if (demand >= map->force_low) {
@@ -40,8 +39,7 @@ static number side_from_distance(const law_type *law, number distance)
   return distance * law->per_radius;
 }
 
-/* Returns a difference of two currents, which is compared only with other results of this
-   function. */
+/* Returns a difference of two currents, comparable only with other results of this function. */
 static number difference(number a, number b) { return a - b; }
 
 static number quotient_up_to_one(number numerator, number denominator)
@@ -76,8 +74,7 @@ static number current_tolerance(const number *words)
   return words[ANHYST_WORD_SCALE_CURRENT] / 32768;
 }
 
-/* Reads the sizes, the ranges of force and gap, and the radius of the play. Returns whether they
-   are valid. */
+/* Reads sizes, ranges of force and gap, and the radius. Returns whether they are valid. */
 static int read_scales(law_type *law, const number *words)
 {
   law->map.force_segments =

@@ -16,8 +16,7 @@
 
 #define UNKNOWN_START (-ONE - ONE) /* start of a path that has not left its peak */
 
-/* Returns the number that a path stores about the bounded state at its start. Requires |state| <=
-   1. */
+/* Returns the stored form of the bounded state at the start of a path. Requires |state| <= 1. */
 static number path_start(const entry *words, number state);
 
 /* Returns the bounded state of a rising path at a flux beyond its peak. */
@@ -116,8 +115,7 @@ static void solve_upwards(const entry *words, const simplified_memory *from,
     if (!(absolute(residual) > RESIDUAL_DEADBAND)) {
       break;
     }
-    const number state = to->flux < path->peak ? -ONE : to->u; /* on the line of slope `hold`, or
-                                                                  beyond the peak */
+    const number state = to->flux < path->peak ? -ONE : to->u; /* hold line, or beyond the peak */
     const number slope = current_slope(arms, lag_slope(words, state));
     if (!(slope > 0)) {
       break;

@@ -39,8 +39,7 @@
 /* All memories in one tick: layers from the surface inwards, then the laminated part. */
 typedef struct {
   compensator *c;
-  int is_flux_given;                  /* whether the flux of the section is given (otherwise the
-                                         current) */
+  int is_flux_given;                  /* whether the flux is given; else the current */
   int uses_secants;                   /* whether slopes are secants between two positions */
   number target;                      /* the given flux, or the given current minus its bias */
   number hold_slope;                  /* slope: field between layers for a change of flux */
@@ -55,8 +54,7 @@ typedef struct {
   number flux[ANHYST_MEMORIES];       /* flux of each layer itself */
   number field[ANHYST_MEMORIES];      /* E_j, E_l */
   number stiffness[ANHYST_MEMORIES];  /* their slopes over S_j, for E_l over the flux */
-  number residual[ANHYST_MEMORIES]; /* residual of the equation between a layer and the one outside
-                                       it */
+  number residual[ANHYST_MEMORIES];   /* residual between a layer and the one outside it */
 } solid_tick;
 
 /* The circuit outside of a section as a straight line: a field, and its decrease as the flux of the
@@ -214,8 +212,7 @@ static number residual_current(const solid_tick *tick)
   return difference(tick->target, made);
 }
 
-/* Returns the slope of the circuit outside the surface: decrease of the field over the flux, >=
-   0. */
+/* Returns the slope of the circuit outside the surface (decrease of field over flux, >= 0). */
 static number circuit_slope(const solid_tick *tick)
 {
   number reluctance = tick->reluctance;
@@ -235,8 +232,7 @@ static solid_line line_at_surface(const solid_tick *tick)
   return line;
 }
 
-/* Returns the line inside a layer from the line outside it. For the surface, uses the flux instead
-   if it is given. */
+/* Returns the line inside a layer from the line outside it. At the surface, uses a given flux. */
 static solid_line line_below_layer(const solid_tick *tick, int layer, solid_line line)
 {
   const number stiff = tick->stiffness[layer];
@@ -360,8 +356,7 @@ static void solve_tick(solid_tick *tick)
   for (int i = 0; i < MAX_PASSES; i++) {
     tick->uses_secants = i >= TANGENT_PASSES;
     const number moved = run_pass(tick);
-    if (are_equations_solved(tick) || moved < MIN_FLUX_CHANGE) { /* a saturated surface may not
-                                                                    reach its target */
+    if (are_equations_solved(tick) || moved < MIN_FLUX_CHANGE) { /* saturated surface */
       break;
     }
   }

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Functions for an ISR in addition to solve and commit; for every number format. */
 
-/* Returns the next tick of the start-up sequence, or `length` after its end. Sets or clears the
-   flag of the sequence. */
+/* Returns the next tick of the start-up sequence, `length` after its end. Updates its flag. */
 static int32_t next_conditioning_tick(compensator *c, int32_t length)
 {
   if (c->conditioned < length) {

@@ -84,8 +84,7 @@ static void detect_lost_drives(anhyst_axes_x *c, const anhyst_axes_sample_x *sam
   }
 }
 
-/* Detects lost heads, and starts a landing if necessary. Returns whether the readings of the other
-   heads are valid. */
+/* Detects lost heads, and starts a landing if necessary. Returns whether the others are valid. */
 static int detect_lost_heads(anhyst_axes_x *c, const ANHYST_REAL *head)
 {
   const anhyst_axes_settings_x *settings = c->settings;
@@ -117,8 +116,7 @@ static int detect_lost_heads(anhyst_axes_x *c, const ANHYST_REAL *head)
   return are_readings_valid;
 }
 
-/* Moves the reference relative to the target during a landing or a lift-off. At rest, resets the
-   PIDs. */
+/* Moves the reference relative to the target in landing and lift-off. Resets the PIDs at rest. */
 static void move_reference(anhyst_axes_x *c)
 {
   const anhyst_axes_settings_x *settings = c->settings;

@@ -49,8 +49,8 @@ static void multiply(const ANHYST_REAL *matrix, int rows, int columns, const ANH
   int i;
   int j;
   for (i = 0; i < rows; i++) {
-    ANHYST_REAL sum = R(0.0); /* in a local variable, because a sum behind a pointer would be read
-                                 again each time */
+    ANHYST_REAL sum = R(0.0); /* a local variable, because the compiler would reload it behind a
+                                 pointer */
     for (j = 0; j < columns; j++) {
       sum += *matrix++ * values[j];
     }

@@ -145,8 +145,7 @@ static void start_search(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, se
   }
 }
 
-/* Returns the scalar product over all axes; without a loop, because it takes most of the time of a
-   tick. */
+/* Returns the scalar product over all axes; without a loop, because it dominates a tick. */
 static ANHYST_REAL dot_product(const ANHYST_REAL *pull, const ANHYST_REAL *x)
 {
   return pull[0] * x[0] + pull[1] * x[1] + pull[2] * x[2] + pull[3] * x[3] + pull[4] * x[4] +
@@ -262,8 +261,7 @@ static int fix_at_bounds(const anhyst_wrench_x *w, search *s)
   return fixed_count;
 }
 
-/* Sets forces within their bounds that minimise the missing wrench, axes weighted by their
-   yields. */
+/* Sets bounded forces that minimise the missing wrench, axes weighted by their yields. */
 static void solve_with_yields(anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
 {
   int pass;

@@ -65,7 +65,7 @@ typedef struct {
 } anhyst_full_candidate_x;
 
 typedef struct {
-  ANHYST_REAL joins; /* field where the next cell starts to move, mirrored if the field falls */
+  ANHYST_REAL joins; /* field where the next cell joins, mirrored if the field falls */
   ANHYST_REAL flux;  /* air*x + m at the lower end of the segment, divided by 4 */
   ANHYST_REAL rise;  /* rise of the row over the segment */
   ANHYST_REAL begin; /* field at the lower end of the segment, mirrored if the field falls */
@@ -122,8 +122,7 @@ typedef struct {
 } anhyst_deeper_x;
 #endif
 
-/* A compensator. For laminated iron, at most 172 bytes in single precision on targets with 32-bit
-   pointers. */
+/* A compensator. For laminated iron: at most 172 bytes in single precision with 32-bit pointers. */
 typedef struct anhyst_compensator_x {
   const anhyst_kernel_x *kernel;
   const ANHYST_REAL *words;        /* parameter block in use; never written */
@@ -141,8 +140,7 @@ typedef struct anhyst_compensator_x {
   int32_t conditioned;             /* ticks of the start-up sequence that are done */
   ANHYST_REAL gap;                 /* of the last solve or commit, as given */
   uint16_t flags;                  /* of the last solve and its commit; see flags.h */
-  uint16_t stage;                  /* meaning of next, see stage.h; arms match the gap unless
-                                      UNKNOWN */
+  uint16_t stage;                  /* of next, see stage.h; unless UNKNOWN, arms match the gap */
 #if ANHYST_MEMORIES > 1
   anhyst_deeper_x deeper[ANHYST_MEMORIES - 1];
 #endif
@@ -190,8 +188,7 @@ void anhyst_compensator_commit_x(anhyst_compensator_x *c, ANHYST_REAL applied, A
 ANHYST_REAL
 anhyst_compensator_output_x(const anhyst_compensator_x *c);
 
-/* Returns the number of ticks of the conditioning sequence, which brings an unknown state to a
-   known one. */
+/* Returns the ticks of the conditioning sequence, which brings an unknown state to a known one. */
 int32_t anhyst_conditioning_length_x(const anhyst_compensator_x *c);
 
 /* Returns the current of the conditioning sequence for tick 0, 1, ...: triangles between the limits

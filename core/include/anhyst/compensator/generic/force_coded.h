@@ -21,8 +21,8 @@ typedef struct {
 } anhyst_coded_x;
 
 /* Initialises a force controller that calls the inner one. Both must live as long as `coded`.
-   Returns ANHYST_OK, or ANHYST_BAD_PARAMETER, without a change, if a scale or the range of the gap
-   is not in 1e-12..1e12. */
+   Returns ANHYST_OK, or ANHYST_BAD_PARAMETER, without a change, if a scale or the gap range is not
+   in 1e-12..1e12. */
 anhyst_status anhyst_force_controller_init_coded_x(anhyst_force_controller_x *c,
                                                    anhyst_coded_x *coded,
                                                    const anhyst_code_scales_x *scales,

@@ -3,7 +3,7 @@
 struct anhyst_force_controller_x;
 
 /* The functions of a method, which finds the current of a force controller. The functions below
-   call them and state their purpose. A new method is a file with such a table and its own init
+   call them and state their purpose. A new method is a file with such a table and an init
    function. */
 typedef struct {
   ANHYST_REAL (*solve)(struct anhyst_force_controller_x *c, ANHYST_REAL demand, ANHYST_REAL gap,
@@ -76,17 +76,15 @@ static inline ANHYST_REAL anhyst_force_controller_solve_x(anhyst_force_controlle
   return c->method->solve(c, demand, gap, flux);
 }
 
-/* Advances to the next tick with the applied current at the actual gap. Returns the force that this
-   current is expected to give. If the current is the solved one and no limit applied, this is
-   exactly the demand. */
+/* Advances to the next tick with the applied current at the actual gap. Returns its expected force:
+   exactly the demand, if it is the solved current and no limit applied. */
 static inline ANHYST_REAL anhyst_force_controller_commit_x(anhyst_force_controller_x *c,
                                                            ANHYST_REAL applied, ANHYST_REAL gap)
 {
   return c->method->commit(c, applied, gap);
 }
 
-/* Returns the force that the last committed current is expected to give at a gap. Changes
-   nothing. */
+/* Returns the expected force of the last committed current at a gap. Changes nothing. */
 static inline ANHYST_REAL anhyst_force_controller_expected_x(const anhyst_force_controller_x *c,
                                                              ANHYST_REAL applied, ANHYST_REAL gap)
 {

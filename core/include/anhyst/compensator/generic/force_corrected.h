@@ -2,8 +2,7 @@
 
 /* Result of a calibration; constant. */
 typedef struct {
-  ANHYST_REAL scale;   /* ampere-turns of a current divided by those that the inner controller
-                          assumes */
+  ANHYST_REAL scale;   /* true ampere-turns divided by those that the inner controller assumes */
   ANHYST_REAL zero;    /* offset of the gap reading (positive: it reads too large) */
   ANHYST_REAL density; /* true flux density divided by the measured one */
   ANHYST_REAL lead;    /* current for a rise of the square root of the force by 1 in a tick */

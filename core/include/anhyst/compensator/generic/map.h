@@ -2,8 +2,7 @@
 
 /* A table of equal segments; constant. It never falls along the force. */
 typedef struct {
-  const ANHYST_REAL *entries; /* gap_segments + 1 rows, one for each gap, of force_segments + 1
-                                 entries */
+  const ANHYST_REAL *entries; /* gap_segments + 1 rows of force_segments + 1 entries */
   uint16_t force_segments;    /* 1..4096 */
   uint16_t gap_segments;      /* 1..64 */
   ANHYST_REAL force_low;      /* force of the first column; 0 if a magnet only pulls */

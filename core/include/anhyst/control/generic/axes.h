@@ -41,8 +41,7 @@ typedef struct {
   const ANHYST_REAL *flux;    /* flux density in each drive, T; NAN without a probe */
   const ANHYST_REAL *current; /* of each drive, A; NaN: not measured */
   uint16_t command;
-  const ANHYST_REAL *target; /* of each axis, m and rad; required if the heads are fixed to the
-                                ground */
+  const ANHYST_REAL *target; /* of each axis, m and rad; required for heads on the ground */
 } anhyst_axes_sample_x;
 
 /* Results of one tick. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* Gains for one rate; T is the length of a tick. Positions, outputs and loads have units of the
-   caller's choice. */
+/* Gains for one rate; T is the length of a tick. The caller selects the units of position, output
+   and load. */
 typedef struct {
   ANHYST_REAL proportional; /* K_p */
   ANHYST_REAL integral;     /* K_i*T */
@@ -31,8 +31,7 @@ typedef struct {
   ANHYST_REAL output;        /* within limits */
 } anhyst_pidd2_candidate_x;
 
-/* The functions are those of pidd2.h. Only the output is limited. Errors are only rounding
-   errors. */
+/* The functions are those of pidd2.h. Only the output is limited. Errors: rounding. */
 
 /* Returns ANHYST_OK, or ANHYST_BAD_PARAMETER if a gain is not finite, a share is out of its range,
    or the limits are in the wrong order. */

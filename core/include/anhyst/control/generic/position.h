@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* Limits of the amplifiers. Constants of a board, which no parameter exchange can change. */
+/* Limits of the amplifiers: constants of a board, which no exchange can change. */
 typedef struct {
   anhyst_levitation_limits levitation; /* q31 of the position's full scale */
   ANHYST_REAL current_low;
@@ -17,8 +17,7 @@ typedef struct {
   anhyst_position_units_x units;
   ANHYST_REAL bias;          /* force of each magnet of a pair without a net force */
   uint16_t measured;         /* whether measured currents count as applied */
-  const anhyst_map_x *plain; /* map that drives the magnets without compensation; 0: there is
-                                none */
+  const anhyst_map_x *plain; /* map for operation without compensation; 0: none */
 } anhyst_position_settings_x;
 
 /* Inputs of one tick. */
@@ -28,8 +27,7 @@ typedef struct {
   ANHYST_REAL load;                             /* feedforward load */
   ANHYST_REAL current[ANHYST_POSITION_MAGNETS]; /* measured */
   ANHYST_REAL
-  flux[ANHYST_POSITION_MAGNETS]; /* measured flux density; see force_controller.h for missing
-                                    values */
+  flux[ANHYST_POSITION_MAGNETS]; /* measured flux density, or none: see force_controller.h */
   uint16_t dropped;              /* whether the position is missing */
   uint16_t command;              /* executed first; see states.h */
 } anhyst_position_sample_x;
@@ -47,8 +45,7 @@ typedef struct {
 typedef struct {
   const anhyst_position_limits_x *limits;
   const anhyst_position_settings_x *settings;
-  anhyst_force_controller_x *magnet[ANHYST_POSITION_MAGNETS]; /* the second one is 0 without a
-                                                                 pair */
+  anhyst_force_controller_x *magnet[ANHYST_POSITION_MAGNETS]; /* second: 0 without a pair */
   anhyst_levitation levitation;
   anhyst_pidd2_state_x state;
   anhyst_pidd2_candidate_x candidate;
@@ -59,8 +56,7 @@ typedef struct {
   ANHYST_REAL demand;                           /* demanded net force */
   uint16_t flags;                               /* of this tick */
   uint16_t limited;                             /* whether the driven currents are limited */
-  uint16_t pending;                             /* whether the candidate still has to be
-                                                   committed */
+  uint16_t pending;                             /* whether the candidate needs a commit */
 } anhyst_position_x;
 
 /* Starts in the state init, without current. magnet_2 is 0 for a single magnet. Returns ANHYST_OK,
@@ -71,8 +67,7 @@ anhyst_status anhyst_position_init_x(anhyst_position_x *c, const anhyst_position
                                      anhyst_force_controller_x *magnet,
                                      anhyst_force_controller_x *magnet_2);
 
-/* Executes a command between two ticks, or returns the reason why it cannot: ANHYST_REFUSED_... of
-   supervisor.h. */
+/* Executes a command between two ticks, or returns why not: ANHYST_REFUSED_... of supervisor.h. */
 uint16_t anhyst_position_command_x(anhyst_position_x *c, uint16_t command);
 
 /* Executes one tick. The currents stay within the limits for any sample. */

@@ -9,14 +9,13 @@ typedef struct {
                                index for a single drive */
   anhyst_allocation_x pair; /* allocation in pairs; `single` without pairs */
   ANHYST_REAL least;        /* minimum force of a single drive, N; negative if it also pushes */
-  /* After a drive is lost: maximum force of each of the others, N, and the weight with which each
-     axis is given up. */
+  /* After the loss of a drive: maximum force of each other drive, N, and weights to give up
+     axes. */
   ANHYST_REAL most;
   const ANHYST_REAL *yields; /* > 0, at most 1 */
 } anhyst_wrench_layout_x;
 
-/* Normal matrix of the free drives along the axes, factorised as U'DU; U has ones on its
-   diagonal. */
+/* Normal matrix of the free drives, factorised as U'DU; U has ones on its diagonal. */
 typedef struct {
   uint16_t free;                       /* drives in the matrix, bit mask; of a pair the first */
   ANHYST_REAL row[ANHYST_WRENCH_AXES]; /* diagonal of the normal matrix */
@@ -31,8 +30,7 @@ typedef struct {
   uint16_t lost;                          /* lost drives, bit mask */
   uint16_t open;  /* drives whose force is searched for, bit mask; of a pair the first */
   uint16_t alone; /* single drives that are not lost, bit mask */
-  int whole;      /* whether the remaining drives can make every wrench, if single drives could also
-                     push */
+  int whole;      /* whether the remaining drives make every wrench, if single ones may push */
   ANHYST_REAL scale[ANHYST_WRENCH_AXES];                      /* of each axis, for equal weights */
   ANHYST_REAL pull[ANHYST_WRENCH_DRIVES][ANHYST_WRENCH_AXES]; /* scaled */
   anhyst_wrench_factor_x factor;                              /* of all open drives */
@@ -47,7 +45,6 @@ anhyst_status anhyst_wrench_init_x(anhyst_wrench_x *w, const anhyst_wrench_layou
 /* Excludes a drive from now on. */
 void anhyst_wrench_lose_x(anhyst_wrench_x *w, int drive);
 
-/* Sets the forces of the drives for a wrench, N. Returns 1 if they make it. Otherwise returns 0,
-   and each single drive has at least its minimum; NaN counts as no force. Lost drives have no
-   force. */
+/* Sets the forces of the drives for a wrench, N. Returns 1 if they make it. Otherwise returns 0;
+   each single drive has at least its minimum; NaN counts as no force. Lost drives have none. */
 int anhyst_wrench_share_x(anhyst_wrench_x *w, const ANHYST_REAL *wrench, ANHYST_REAL *force);
