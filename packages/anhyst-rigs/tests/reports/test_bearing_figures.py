@@ -36,7 +36,7 @@ from anhyst_rigs.rig.drift import change_rig
 from anhyst_rigs.rig.magnet_table import OPENS_GAP, LikeTable
 from anhyst_rigs.rig.recording import Recording
 from anhyst_rigs.rig.tables import DisturbanceTable
-from anhyst_rigs.study.benefit import STEP_METRICS, Comparison
+from anhyst_rigs.study.benefit import STEP_METRICS, MethodComparison
 from anhyst_rigs.study.engine.table import Interval
 from tests.reports import bearing_reports
 from tests.reports.bearing_reports import (
@@ -290,7 +290,7 @@ def test_every_outcome_but_a_gain_has_a_hatch_of_its_own() -> None:
         )
         assert comparison.outcome == outcome
         iron = replace(found.cells[0].iron, reversible_fraction=0.1 * place)
-        ratio: Mapping[str, Comparison] = {"overshoot_percent": comparison}
+        ratio: Mapping[str, MethodComparison] = {"overshoot_percent": comparison}
         cells.append(replace(found.cells[0], iron=iron, ratio=ratio, strongest={}))
     figure = figure_benefit(replace(found, cells=tuple(cells)), STEP_METRICS[0])
     (ax,) = (ax for ax in figure.axes if ax.get_title(loc="left"))

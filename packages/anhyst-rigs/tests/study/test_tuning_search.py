@@ -11,7 +11,7 @@ import pytest
 from anhyst_rigs.study.tuning import search as module
 from anhyst_rigs.study.tuning.aims import Aims
 from anhyst_rigs.study.tuning.bearing import BearingLoop
-from anhyst_rigs.study.tuning.search import GainSearch, SearchResult
+from anhyst_rigs.study.tuning.search import GainSearch, TuningSearchResult
 from anhyst_rigs.study.tuning.trial import BearingCondition, GainOutcome, run_trial
 from tests.study import bearings
 from tests.study.small_tuning import HERE, LESS, loop, setup
@@ -20,7 +20,7 @@ BUDGET = 20
 
 
 @cache
-def found(jobs: int = 1) -> SearchResult:
+def found(jobs: int = 1) -> TuningSearchResult:
     return GainSearch(loop(), Aims(), BUDGET, seed=0, jobs=jobs).run()
 
 

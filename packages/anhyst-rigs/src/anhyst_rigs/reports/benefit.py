@@ -46,7 +46,7 @@ from anhyst_rigs.study.bearing.inputs import check_inputs, read_bearing_controll
 from anhyst_rigs.study.benefit import (
     AnyRig,
     Benefit,
-    Comparison,
+    MethodComparison,
     MapCell,
     map_bearing_benefit,
     map_plant_benefit,
@@ -61,7 +61,7 @@ _HATCHES: Mapping[str, dict[str, Any]] = {
     "no gain": {"ec": SHADE_COLOUR, "hatch": "////"},
     "nothing to gain": {"ec": SHADE_COLOUR, "hatch": "...."},
 }
-ComparedCells = Sequence[tuple[MapCell, Comparison]]
+ComparedCells = Sequence[tuple[MapCell, MethodComparison]]
 
 
 def _case_text(case: float | str) -> str:
@@ -138,13 +138,13 @@ def _draw_map(ax: Axes, gains: Benefit, baseline: str, cells: ComparedCells) -> 
     return mesh
 
 
-def _ratio_or_nan(comparison: Comparison) -> float:
+def _ratio_or_nan(comparison: MethodComparison) -> float:
     """Return the ratio of a figure with and without compensation; NaN if a run was lost."""
     return math.nan if comparison.quotient is None else comparison.quotient.value
 
 
 def _label_cell(
-    ax: Axes, position: tuple[int, int], map_baseline: str, cell: MapCell, comparison: Comparison
+    ax: Axes, position: tuple[int, int], map_baseline: str, cell: MapCell, comparison: MethodComparison
 ) -> None:
     """Write the ratio into its square, and hatch the square if no gain is certain."""
     x, y = position

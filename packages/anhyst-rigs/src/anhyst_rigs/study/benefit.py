@@ -87,7 +87,7 @@ class IronFigures:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class MethodComparison:
     """The full compensator compared with a baseline in one figure."""
 
     # strongest baseline that kept the armature levitated; None if none did
@@ -126,10 +126,10 @@ class MapCell:
     # by variant: rms of the gap at the end of the holds, mean over seeds and directions, m
     standstill: Mapping[MethodName, float]
     # by metric: compared with the strongest of :data:`BASELINES` in this figure, and with ``ratio``
-    strongest: Mapping[str, Comparison]
-    ratio: Mapping[str, Comparison]
+    strongest: Mapping[str, MethodComparison]
+    ratio: Mapping[str, MethodComparison]
     # compared with ``flux``, which measures the flux density; empty without a Hall probe
-    flux: Mapping[str, Comparison]
+    flux: Mapping[str, MethodComparison]
 
 
 @dataclass(frozen=True)
@@ -294,7 +294,7 @@ def make_map_cell(
     Methods that were lost are missing.
     """
 
-    def against(*baselines: MethodName) -> dict[str, Comparison]:
+    def against(*baselines: MethodName) -> dict[str, MethodComparison]:
         compared = {key: _compare(values, key, baselines) for key in keys}
         if isinstance(case, float):
             compared["overshoot_percent"] = _with_overshoot_floor(
@@ -322,16 +322,16 @@ def _step_values(runs: _StepPairs, key: str, hold: float) -> FloatArray:
     return np.array([max(min(figures[key], max_value) for figures in pair) for pair in runs])
 
 
-def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> Comparison:
+def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> MethodComparison:
     """Compare with the best baseline of this cell. The selection slightly favours the baseline."""
     usable = [name for name in baselines if name in values and np.isfinite(values[name][key]).all()]
     if not usable:
-        return Comparison(None, None, None)
+        return MethodComparison(None, None, None)
     baseline = min(usable, key=lambda name: float(np.mean(values[name][key])))
     if "full" not in values or not np.isfinite(values["full"][key]).all():
-        return Comparison(baseline, None, None)
+        return MethodComparison(baseline, None, None)
     full_values, baseline_values = values["full"][key], values[baseline][key]
-    return Comparison(
+    return MethodComparison(
         baseline,
         mean_ratio(full_values, baseline_values),
         mean_interval(baseline_values - full_values),
@@ -339,8 +339,8 @@ def _compare(values: _Values, key: str, baselines: Sequence[MethodName]) -> Comp
 
 
 def _with_overshoot_floor(
-    compared: Comparison, values: _Values, standstill: Mapping[MethodName, float], height: float
-) -> Comparison:
+    compared: MethodComparison, values: _Values, standstill: Mapping[MethodName, float], height: float
+) -> MethodComparison:
     """Return a comparison of overshoots with the floor below which they count as none."""
     if compared.baseline is None or compared.quotient is None:
         return compared
@@ -494,7 +494,7 @@ def _interval_dict(interval: Interval) -> dict[str, float]:
     return {"mean": interval.mean, "half_width": interval.half_width}
 
 
-def _comparison_dict(comparison: Comparison) -> dict[str, Any]:
+def _comparison_dict(comparison: MethodComparison) -> dict[str, Any]:
     row: dict[str, Any] = {"baseline": comparison.baseline, "outcome": comparison.outcome}
     if comparison.floor is not None:
         row["floor_percent"] = comparison.floor

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from anhyst_rigs.reports.studies import Simulated, Studied
     from anhyst_rigs.study.bearing.board_faults import FaultOutcome
     from anhyst_rigs.study.bearing.on_board import BoardComparison
-    from anhyst_rigs.study.benefit import Benefit, Comparison
+    from anhyst_rigs.study.benefit import Benefit, MethodComparison
 
 PLACE = 32, "Rigs, simulated and real"
 
@@ -248,7 +248,7 @@ def _show_map(benefit: Benefit, out: Path) -> Iterator[OutputPart]:
 
 
 def _map_table(
-    benefit: Benefit, baseline: str, comparisons: Sequence[Mapping[str, Comparison]]
+    benefit: Benefit, baseline: str, comparisons: Sequence[Mapping[str, MethodComparison]]
 ) -> TerminalTable:
     from anhyst.cli.printing import TerminalTable
 

@@ -20,7 +20,7 @@ from anhyst_rigs.rig.piezo import PiezoRig
 from anhyst_rigs.study.engine.beneficial_conditions import BENEFICIAL_CONDITIONS
 from anhyst_rigs.study.engine.table import Interval, compare
 from anhyst_rigs.study.tuning.aims import GAIN_METRICS, Aims, GainFigures, format_figure
-from anhyst_rigs.study.tuning.search import SearchResult
+from anhyst_rigs.study.tuning.search import TuningSearchResult
 from anhyst_rigs.study.tuning.trial import Limit
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class TunedVariant:
     """The tuning of one variant."""
 
     variant: MethodName
-    search_result: SearchResult  # result of the search
+    search_result: TuningSearchResult  # result of the search
     limits: tuple[Limit, ...]  # limits of the gains
     aims: Aims
 

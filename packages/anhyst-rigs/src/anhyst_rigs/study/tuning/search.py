@@ -312,7 +312,7 @@ class TriedGains:
 
 
 @dataclass(frozen=True)
-class SearchResult:
+class TuningSearchResult:
     """The result of a search."""
 
     loop: Tunable  # loop with the best gains
@@ -352,7 +352,7 @@ class GainSearch:
         self._search_loop = self.loop.for_search()
         self._total_work = self.budget + _CHECKS_PER_ROUND * _CHECK_WORK + _LIMITS_WORK
 
-    def run(self) -> SearchResult:
+    def run(self) -> TuningSearchResult:
         """Run the search; ctrl-C returns the best gains so far."""
         initial = run_trial(self._search_loop, self.loop.conditions, self.aims, seed=self.seed)
         checked: list[tuple[float, TriedGains, CheckResult]] = []
@@ -369,7 +369,7 @@ class GainSearch:
         else:
             best, best_check = self._sorted_candidates(self.aims)[0], None
         other_candidates = [candidate for candidate in self._candidates if candidate is not best]
-        return SearchResult(
+        return TuningSearchResult(
             loop=self.loop.with_gains_at(best.point),
             parameters=self.loop.space.parameters(best.point),
             check=best_check,
