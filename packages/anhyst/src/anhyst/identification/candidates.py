@@ -52,9 +52,8 @@ class ModelCandidate:
     common: frozenset[str] = frozenset()
     # model complexity; a higher rank is selected only if it is better by more than the scatter
     rank: int = 0
-    cells: CellKernel | None = (
-        None  # play cells and their population count; None: the law of the run
-    )
+    # play cells and their population count; None: the law of the run
+    cells: CellKernel | None = None
     has_fitted_weights: bool = False  # whether every cell weight was finally fitted individually
 
     @property

@@ -24,9 +24,8 @@ _EQUAL_READING_SHARE = 1e-3
 offset counts as zero."""
 
 _REST_BAND = 0.005
-_MIN_REST_SHARE = (
-    0.08  # a drive rests if this share of its samples is within a band above the lowest
-)
+# a drive rests if this share of its samples is within a band above the lowest
+_MIN_REST_SHARE = 0.08
 _ROUND_REVERSAL_RATIO = 1.2
 """A reversal is round if the residual of one curve across it is at most this multiple of that of
 two."""

@@ -176,9 +176,8 @@ _MAX_PIECE_SAMPLES = 20_000
 """Number of samples whose derivatives are stored at once, to limit memory. A Jiles-Atherton law has
 few parameters and needs its whole cycle to close it."""
 
-NO_ANSWER_DEVIATION = (
-    10.0  # residual for parameters without a solution, relative to the largest output
-)
+# residual for parameters without a solution, relative to the largest output
+NO_ANSWER_DEVIATION = 10.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,12 +29,10 @@ from anhyst.laws.cells import Shape
 from anhyst.support.errors import InputError, NoUsableStartError
 from anhyst.support.numeric import FloatArray
 
-LEVEL_VARIABLE = (
-    "ANHYST_DISPATCH"  # environment variable that selects the instruction set of the batch
-)
-JUMP_INTERACTION = (
-    3.0  # for omega <= -3, the magnetisation may jump; the batch does not support this
-)
+# environment variable that selects the instruction set of the batch
+LEVEL_VARIABLE = "ANHYST_DISPATCH"
+# for omega <= -3, the magnetisation may jump; the batch does not support this
+JUMP_INTERACTION = 3.0
 
 _MIN_OMEGA = -2.95
 

@@ -31,9 +31,8 @@ from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.units import MU_0
 
-_MAX_RELATIVE_STD = (
-    0.2  # relative standard deviation above which a parameter is reported as uncertain
-)
+# relative standard deviation above which a parameter is reported as uncertain
+_MAX_RELATIVE_STD = 0.2
 
 _MAX_NAMED_PARAMETERS = 6
 """Maximum number of uncertain parameters that are named. Many are meaningful only together."""
