@@ -176,13 +176,11 @@ class _SampleLevels:
                 if (duplicate := next(earlier_starts, None)) is not None:
                     fits.append(fits[duplicate])
                     continue
-                goal = _HOPELESS_COST_RATIO * min(
-                    (final_stop.cost for final_stop in fits), default=np.inf
-                )
+                goal = _HOPELESS_COST_RATIO * min((fit.cost for fit in fits), default=np.inf)
                 fits.append(descend_from(space, theta, tolerance, max_steps, self.smoothness, goal))
                 evaluations += fits[-1].evaluations
-            fits = sorted(fits, key=lambda final_stop: final_stop.cost)[:keep_count]
-            chosen = [final_stop.theta for final_stop in fits]
+            fits = sorted(fits, key=lambda fit: fit.cost)[:keep_count]
+            chosen = [fit.theta for fit in fits]
         return [replace(fits[0], evaluations=evaluations), *fits[1:]]
 
 

@@ -175,8 +175,8 @@ def _fit_on_grid(
     for _ in range(CREEP_ROUNDS - 1 if few_curves_fit.creep_times else 0):
         fit = on_grid.solve(fit)
     initial_samples = [
-        grid_error & ~other
-        for grid_error, other in zip(on_grid.fitted_masks, problem.fitted_masks, strict=True)
+        grid_mask & ~few_mask
+        for grid_mask, few_mask in zip(on_grid.fitted_masks, problem.fitted_masks, strict=True)
     ]
     grid_error = float(np.hypot(grid_error, on_grid.deviation(fit, creeping, initial_samples)))
     few_error = float(
