@@ -220,8 +220,8 @@ def scan_gap(
     best = np.argmin(cost, axis=1)
     best_columns = best + _SCAN_VALUES * np.arange(count)
     sets = [
-        replace(local, omega=float(table[2, index]), scale=float(table[3, index]))
-        for local, index in zip(start_sets, best_columns, strict=True)
+        replace(parameter_set, omega=float(table[2, index]), scale=float(table[3, index]))
+        for parameter_set, index in zip(start_sets, best_columns, strict=True)
     ]
     return sets, cost[np.arange(count), best]
 
@@ -233,7 +233,9 @@ def cost_at_gap(space: CoordinateSpace, gap: int, sets: list[ParameterSet]) -> F
 
 def _parameter_table(sets: list[ParameterSet]) -> FloatArray:
     """Return the sets as columns, with the parameters as rows in the order of PARAMETER_NAMES."""
-    return np.array([[getattr(local, name) for local in sets] for name in PARAMETER_NAMES])
+    return np.array(
+        [[getattr(parameter_set, name) for parameter_set in sets] for name in PARAMETER_NAMES]
+    )
 
 
 def _table_cost(space: CoordinateSpace, gap: int, table: FloatArray) -> FloatArray:

@@ -87,7 +87,7 @@ def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
     units = {"input": loopset.input.unit, "output": loopset.output.unit}
     readings = {"in_0": space.records.rest.input, "out_0": space.records.rest.output}
     names, values, stds = [], [], []
-    at_gaps = [space.form.named_values(local) for local in fit.parameter_sets]
+    at_gaps = [space.form.named_values(parameter_set) for parameter_set in fit.parameter_sets]
     for (name, gap), coordinate_value, slope, std in zip(
         space.entries,
         *(column.tolist() for column in space.to_parameters(fit.theta)),
