@@ -73,7 +73,7 @@ _MIN_ERROR_SHARE = 0.3
 
 @dataclass(frozen=True, slots=True)
 class WithheldError:
-    """Errors at a withheld gap, loop or block, relative to full scale; infinite without a solution."""
+    """Errors at a withheld gap, loop or block, relative to full scale; infinite if unsolvable."""
 
     mean: float  # mean absolute error over all samples
     # mean squares of its loops without the explained drift; noise affects all models equally, so it
@@ -324,7 +324,7 @@ def expected_error(
 
 
 def _student_quantile(freedom: float) -> float:
-    """Return the 95 % quantile of Student's t (Cornish-Fisher), accurate to 1 % from 3 degrees on."""
+    """Return the 95 % quantile of Student's t (Cornish-Fisher), to 1 % from 3 degrees on."""
     z = 1.644854
     first = (z**3 + z) / 4.0
     second = (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0

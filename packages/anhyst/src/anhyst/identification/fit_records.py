@@ -181,7 +181,7 @@ class FitRecord:
         return past.remembered()
 
     def pieces(self, max_samples: int) -> Iterator[FitRecord]:
-        """Split the record for iron with the wiping-out property; each piece has its own history."""
+        """Split the record for iron with the wiping-out property; each piece has its history."""
         if self.input.size <= max_samples:
             yield self
             return

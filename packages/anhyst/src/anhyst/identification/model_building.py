@@ -145,7 +145,7 @@ _PIECES_PER_GAP_INTERVAL = 4  # pieces between two gaps for the curves of a mode
 
 
 def make_model(fit: FoundModel, loopset: Loops) -> Model:
-    """Return the model of a fit with parameters and gap map, without records of its identification."""
+    """Return the model of a fit with parameters and gap map, without records of its origin."""
     space = fit.space
     positions, sets = _model_nodes(fit)
     nodes = tuple(positions.tolist())

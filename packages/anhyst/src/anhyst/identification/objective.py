@@ -248,7 +248,7 @@ class Objective:
         return np.concatenate(self._responder.outputs(self.space.form, sets, self._loops))
 
     def deviations(self, theta: FloatArray) -> FloatArray:
-        """Return weighted residuals, shape (samples,), followed by drift cost and regularisation."""
+        """Return weighted residuals, (samples,), followed by drift cost and regularisation."""
         try:
             outputs = self.outputs([parameter_set for parameter_set, _ in self.space.unpack(theta)])
         except NoResponseError:
@@ -334,7 +334,7 @@ class Objective:
             return Linearisation(self.no_answer_deviations, zeros[0], zeros)
 
     def linearise_if_better(self, theta: FloatArray, cost: float) -> Linearisation | None:
-        """Linearise if the cost is below a limit, else return None. Numerical derivatives are slow."""
+        """Linearise if the cost is below a limit, else return None; numerically, this is slow."""
         if not self.space.form.kernel.has_derivatives:
             deviations = self.deviations(theta)
             if float(deviations @ deviations) >= cost:
@@ -370,7 +370,7 @@ class _Drift:
         return float(self.direction @ deviation / self.squared_norm)
 
     def remove(self, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the residuals without the drift, and the cost of the drift as one more residual."""
+        """Return the residuals without the drift, and the cost of the drift as a residual."""
         slope = self.slope(deviation)
         return deviation - self.direction * slope, np.array([self._prior_weight * slope])
 

@@ -144,7 +144,7 @@ def _stage_name(varying: Sequence[str], description: str) -> str:
 
 
 def _select_cheapest(state: SearchState, costs: dict[str, float]) -> str:
-    """Return the parameter to fix: the cheapest or, at equal cost, the most constant over the gaps."""
+    """Return the parameter to fix: the cheapest or, at equal cost, the most constant one."""
     limit = _max_equal_cost(min(costs.values()))
     return min(
         (name for name, cost in costs.items() if cost <= limit),

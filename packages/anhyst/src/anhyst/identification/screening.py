@@ -47,7 +47,7 @@ _SCREENING_SAMPLES = 64  # samples per loop in the screening, at most
 
 
 def batch_level() -> str:
-    """Return the instruction set of the batch: the processor's best, or the one of the environment."""
+    """Return the instruction set of the batch: the processor's best, or the environment's."""
     levels = batch_levels()
     level = os.environ.get(LEVEL_VARIABLE)
     if level is None:
@@ -165,7 +165,7 @@ def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray
 def screen_starts(
     space: CoordinateSpace, count: int, max_starts: int, seed: int
 ) -> list[ParameterSet]:
-    """Return the best sets of a screening at a single gap, at a minimum distance from each other."""
+    """Return the best sets of a screening at a single gap, with a minimum distance."""
     is_interacting = "omega" not in space.fixed
     start_sets = _select_best_sets(
         space, sample_sets(space.records, count, seed, is_interacting), max_starts

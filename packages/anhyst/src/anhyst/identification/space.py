@@ -183,7 +183,7 @@ class CoordinateSpace:
         return np.array(low), np.array(high)
 
     def pack(self, sets: list[ParameterSet]) -> FloatArray:
-        """Return the coordinates of parameters at each gap; common ones are those of the first gap."""
+        """Return the coordinates of parameters at each gap; common ones are from the first gap."""
         theta = []
         gain, leakage = self._gain_and_leakage(sets)
         for name, gap in self.entries:
@@ -215,7 +215,7 @@ class CoordinateSpace:
         return replace(self, records=self.records.without_gaps(withheld)), np.array(indices)
 
     def with_fixed(self, names: frozenset[str]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
-        """Return the space with more parameters fixed at zero, and its coordinates' indices here."""
+        """Return the space with more parameters fixed at zero, and its coordinate indices here."""
         indices = [index for index, (name, _) in enumerate(self.entries) if name not in names]
         return replace(self, fixed=self.fixed | names), np.array(indices)
 

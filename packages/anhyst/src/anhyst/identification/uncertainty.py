@@ -358,7 +358,7 @@ _MAX_SIMPLER_ERROR_RATIO = 3.0
 
 
 def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
-    """Return the largest mean deviation of two models midway between gaps, relative to full scale."""
+    """Return the largest mean deviation of two models midway between gaps, per full scale."""
     groups = loopset.by_schedule()
     deviations = []
     for low, high in pairwise(sorted(groups)):
@@ -402,7 +402,7 @@ _INITIAL_CURVE_SAMPLES = 100
 
 
 def has_no_initial_curve(loopset: Loops) -> bool:
-    """Whether no loop starts demagnetised, so that the initial magnetisation curve is not measured."""
+    """Whether no loop starts demagnetised, so that no initial magnetisation curve is measured."""
     return all(loop.history.kind != "demagnetised" for loop in loopset.loops)
 
 
