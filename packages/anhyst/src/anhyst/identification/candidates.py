@@ -52,9 +52,8 @@ class ModelCandidate:
     common: frozenset[str] = frozenset()
     # model complexity; a higher rank is selected only if it is better by more than the scatter
     rank: int = 0
-    cells: CellKernel | None = (
-        None  # play cells and their population count; None: the law of the run
-    )
+    # play cells and their population count; None: the law of the run
+    cells: CellKernel | None = None
     has_fitted_weights: bool = False  # whether every cell weight was finally fitted individually
 
     @property
@@ -297,7 +296,7 @@ class CandidateComparison:
     def _replace_by_better_fit(
         self, best: ModelCandidate, candidates: Sequence[ModelCandidate], outer_fold: Fold
     ) -> ModelCandidate:
-        """Return the simplest candidate with a several times smaller residual and equal prediction."""
+        """Return the simplest candidate with a several times better fit and equal prediction."""
         while better := [
             other for other in candidates if self._should_replace(best, other, outer_fold)
         ]:
@@ -367,7 +366,7 @@ class CandidateComparison:
         return mean_error(self.withheld_errors(candidate)) if self.withheld else None
 
     def finite_withheld_error(self, candidate: ModelCandidate) -> float | None:
-        """Return the mean cross-validation error of a candidate; None if there is no finite value."""
+        """Return the mean cross-validation error of a candidate; None if it is not finite."""
         error = self.withheld_error(candidate)
         return error if error is not None and np.isfinite(error) else None
 

@@ -96,7 +96,7 @@ class CellBasis:
         return np.asarray((height > MIN_CURVE_CHANGE * height.max()) | can_be_reached.ravel())
 
     def second_differences(self, is_solved: NDArray[np.bool_]) -> FloatArray:
-        """Return the second differences of the solved columns; columns after the curves have none."""
+        """Return the second differences of the solved columns; later columns have none."""
         count = np.count_nonzero(is_solved)
         column_of = np.full(is_solved.size, -1)
         column_of[is_solved] = np.arange(count)

@@ -42,7 +42,7 @@ _SINGLE_START = np.zeros(1, dtype=np.int64)  # index of the first sample, for a 
 
 
 class CellPath(NamedTuple):
-    """Effective field and magnetisation along a drive, shape (n,), and their derivatives, (n, d)."""
+    """Effective field and magnetisation along a drive, (n,), and their derivatives, (n, d)."""
 
     x: FloatArray
     m: FloatArray

@@ -41,9 +41,8 @@ MAX_LAG_SAMPLES_AT_ONE_RATE = 1.0
 """Largest lag that is tried if all loops have about one rate, at which a lag and a wider loop are
 barely separable."""
 
-MIN_RATE_RATIO = (
-    3.0  # ratio of the fastest to the slowest cycle rate above which lag and width are separable
-)
+# ratio of the fastest to the slowest cycle rate above which lag and width are separable
+MIN_RATE_RATIO = 3.0
 CREEP_TIME_SHARES = (1 / 200, 1 / 10, 2.0)  # time constants, relative to the longest record
 MIN_SAMPLES_PER_TIME_CONSTANT = 3.0  # smallest time constant, in samples
 

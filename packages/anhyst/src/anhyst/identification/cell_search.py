@@ -176,13 +176,11 @@ class _SampleLevels:
                 if (duplicate := next(earlier_starts, None)) is not None:
                     fits.append(fits[duplicate])
                     continue
-                goal = _HOPELESS_COST_RATIO * min(
-                    (final_stop.cost for final_stop in fits), default=np.inf
-                )
+                goal = _HOPELESS_COST_RATIO * min((fit.cost for fit in fits), default=np.inf)
                 fits.append(descend_from(space, theta, tolerance, max_steps, self.smoothness, goal))
                 evaluations += fits[-1].evaluations
-            fits = sorted(fits, key=lambda final_stop: final_stop.cost)[:keep_count]
-            chosen = [final_stop.theta for final_stop in fits]
+            fits = sorted(fits, key=lambda fit: fit.cost)[:keep_count]
+            chosen = [fit.theta for fit in fits]
         return [replace(fits[0], evaluations=evaluations), *fits[1:]]
 
 
@@ -277,7 +275,7 @@ class CellSearch:
     def _remove_offsets(
         self, candidate: ModelCandidate, final_fits: Sequence[FoundModel]
     ) -> FoundModel:
-        """Remove offsets that the data do not require; search again without them if this is costly."""
+        """Remove offsets that the data do not require; if this is costly, search again."""
         fit = remove_unneeded_offsets(final_fits[0], *_FINAL_STOP)
         if fit.cost <= _REMOVED_OFFSET_COST_RATIO * final_fits[0].cost:
             return fit
@@ -377,7 +375,7 @@ def _starts_from_jiles_atherton(levels: _SampleLevels, base: FoundModel) -> list
 
 
 def _make_narrow_cells(parameter_set: ParameterSet, power: int, width_ratio: float) -> ParameterSet:
-    """Convert a Jiles-Atherton parameter set to cells with narrow loops and the same initial slope."""
+    """Convert a Jiles-Atherton set to cells with narrow loops and the same initial slope."""
     total_slope = 1.0 + _NARROW_LOOP_LAW[0] / _NARROW_LOOP_LAW[1]
     return replace(
         parameter_set,

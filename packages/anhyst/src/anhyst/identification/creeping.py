@@ -25,9 +25,8 @@ from anhyst.model.schema import CandidateFit, Uncertainty
 
 MAX_CREEP_ERROR_RATIO = 0.98
 """Rms residual relative to that without creep, above which creep is not used."""
-EQUAL_LAG_ERROR_RATIO = (
-    0.995  # ratio of rms residuals within which lags are equal; the shortest is used
-)
+# ratio of rms residuals within which lags are equal; the shortest is used
+EQUAL_LAG_ERROR_RATIO = 0.995
 CREEP_ROUNDS = 3  # rounds of fitting creep, each with the output of the round before
 MAX_RATE_ERROR_RATIO = 1.5
 """Error relative to that of the slowest loops, up to which a model is valid at a cycle rate."""
@@ -176,8 +175,8 @@ def _fit_on_grid(
     for _ in range(CREEP_ROUNDS - 1 if few_curves_fit.creep_times else 0):
         fit = on_grid.solve(fit)
     initial_samples = [
-        grid_error & ~other
-        for grid_error, other in zip(on_grid.fitted_masks, problem.fitted_masks, strict=True)
+        grid_mask & ~few_mask
+        for grid_mask, few_mask in zip(on_grid.fitted_masks, problem.fitted_masks, strict=True)
     ]
     grid_error = float(np.hypot(grid_error, on_grid.deviation(fit, creeping, initial_samples)))
     few_error = float(

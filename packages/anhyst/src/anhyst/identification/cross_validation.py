@@ -73,7 +73,7 @@ _MIN_ERROR_SHARE = 0.3
 
 @dataclass(frozen=True, slots=True)
 class WithheldError:
-    """Errors at a withheld gap, loop or block, relative to full scale; infinite without a solution."""
+    """Errors at a withheld gap, loop or block, relative to full scale; infinite if unsolvable."""
 
     mean: float  # mean absolute error over all samples
     # mean squares of its loops without the explained drift; noise affects all models equally, so it
@@ -231,7 +231,7 @@ def is_better(
     fitted gaps, but worse at the withheld ones, is not accepted.
     """
     pairs = list(zip(simpler, complex_, strict=True))
-    withheld = [
+    withheld_differences = [
         np.subtract(simpler_error.mean_squares, complex_error.mean_squares)
         for simpler_error, complex_error in pairs
     ]
@@ -239,16 +239,17 @@ def is_better(
         np.subtract(simpler_error.outer_squares, complex_error.outer_squares)
         for simpler_error, complex_error in pairs
     ]
-    differences = np.concatenate([*withheld, *outer_differences])
+    differences = np.concatenate([*withheld_differences, *outer_differences])
     if not np.isfinite(differences).all() or differences.size < 2:
         return not np.isfinite(mean_error(simpler)) and np.isfinite(mean_error(complex_))
     standard_error = float(np.std(differences, ddof=1)) / math.sqrt(differences.size)
     if len(pairs) > 1:
-        gaps = [
-            np.mean([*simpler_error, *complex_error])
-            for simpler_error, complex_error in zip(withheld, outer_differences, strict=True)
+        gap_means = [
+            np.mean([*withheld, *outer])
+            for withheld, outer in zip(withheld_differences, outer_differences, strict=True)
         ]
-        standard_error = max(standard_error, float(np.std(gaps, ddof=1)) / math.sqrt(len(gaps)))
+        scatter = float(np.std(gap_means, ddof=1))
+        standard_error = max(standard_error, scatter / math.sqrt(len(gap_means)))
     min_difference = (EQUAL_ERROR_RATIO - 1.0) * mean_square_error(complex_)
     is_better_everywhere = differences.size >= _MIN_PLACES and bool(np.all(differences > 0.0))
     if is_better_everywhere and mean_square_error(
@@ -323,7 +324,7 @@ def expected_error(
 
 
 def _student_quantile(freedom: float) -> float:
-    """Return the 95 % quantile of Student's t (Cornish-Fisher), accurate to 1 % from 3 degrees on."""
+    """Return the 95 % quantile of Student's t (Cornish-Fisher), to 1 % from 3 degrees on."""
     z = 1.644854
     first = (z**3 + z) / 4.0
     second = (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0

@@ -132,7 +132,7 @@ class FoundModel:
     @property
     def parameter_sets(self) -> list[ParameterSet]:
         """Gauge-free parameters at each gap."""
-        return [local for local, _ in self.space.unpack(self.theta)]
+        return [parameter_set for parameter_set, _ in self.space.unpack(self.theta)]
 
     def with_records(self, records: FitRecords) -> FoundModel:
         """Return the same parameters with other records of the same gaps."""
@@ -164,7 +164,11 @@ def search_one_gap(
     """Fit one gap without initial values."""
     space = CoordinateSpace("none", records, form, fixed)
     return _descend_from_best(
-        space, [[local] for local in screen_starts(space, SCREENED_SETS, MAX_STARTS, seed)]
+        space,
+        [
+            [parameter_set]
+            for parameter_set in screen_starts(space, SCREENED_SETS, MAX_STARTS, seed)
+        ],
     )
 
 

@@ -24,9 +24,8 @@ _EQUAL_READING_SHARE = 1e-3
 offset counts as zero."""
 
 _REST_BAND = 0.005
-_MIN_REST_SHARE = (
-    0.08  # a drive rests if this share of its samples is within a band above the lowest
-)
+# a drive rests if this share of its samples is within a band above the lowest
+_MIN_REST_SHARE = 0.08
 _ROUND_REVERSAL_RATIO = 1.2
 """A reversal is round if the residual of one curve across it is at most this multiple of that of
 two."""
@@ -182,7 +181,7 @@ class FitRecord:
         return past.remembered()
 
     def pieces(self, max_samples: int) -> Iterator[FitRecord]:
-        """Split the record for iron with the wiping-out property; each piece has its own history."""
+        """Split the record for iron with the wiping-out property; each piece has its history."""
         if self.input.size <= max_samples:
             yield self
             return

@@ -69,7 +69,10 @@ def physical_parameters(
 ) -> dict[str, Parameter]:
     """Convert gauge-free parameters to physical ones."""
     map_of_output, input_name = output_map(output_quantity), input_quantity.name
-    table = [_physical_at_gap(form, local, gap_map, input_name, map_of_output) for local in sets]
+    table = [
+        _physical_at_gap(form, parameter_set, gap_map, input_name, map_of_output)
+        for parameter_set in sets
+    ]
     if gap_map in SERIES_MAPS:
         _make_reluctance_positive(form, table, np.array(gaps))
     for row in table:
@@ -104,31 +107,37 @@ def _make_reluctance_positive(
 
 
 def _physical_at_gap(
-    form: ResponseForm, local: ParameterSet, gap_map: str, input_name: str, answer: OutputMap
+    form: ResponseForm,
+    parameter_set: ParameterSet,
+    gap_map: str,
+    input_name: str,
+    answer: OutputMap,
 ) -> dict[str, float]:
-    h, omega = local.h, local.omega
+    h, omega = parameter_set.h, parameter_set.omega
     if gap_map in SERIES_MAPS:
         alpha, rho = 0.0, h * omega / (1.0 - h * omega)
     else:
         alpha, rho = 0.0 - h * omega / (1.0 - h * omega), 0.0
-    unscaled = local.scale / (1.0 + rho)  # input per unit of effective field without the gap
+    unscaled = parameter_set.scale / (
+        1.0 + rho
+    )  # input per unit of effective field without the gap
     if input_name == "field" and gap_map != "scaling":
         a = unscaled
         saturation = a / (h * (1.0 - alpha))
     else:
         is_known = answer.is_flux_density and gap_map != "circuit"
-        saturation = local.gain / (MU_0 * (1.0 - alpha)) if is_known else DEFAULT_SATURATION
+        saturation = parameter_set.gain / (MU_0 * (1.0 - alpha)) if is_known else DEFAULT_SATURATION
         a = h * saturation * (1.0 - alpha)
-    c_out = local.gain / (MU_0 * saturation * (1.0 - alpha)) ** answer.power
+    c_out = parameter_set.gain / (MU_0 * saturation * (1.0 - alpha)) ** answer.power
     if abs(c_out - 1.0) < 1e-12:
         c_out = 1.0  # with measured flux density, it is 1 except for rounding
     return {
-        **form.kernel.iron_parameters(saturation, a, local.law, alpha),
+        **form.kernel.iron_parameters(saturation, a, parameter_set.law, alpha),
         "rho": rho,
         "c_H": a / unscaled,
         "c_out": c_out,
-        "in_0": local.in_0,
-        "out_0": local.out_0,
+        "in_0": parameter_set.in_0,
+        "out_0": parameter_set.out_0,
     }
 
 
@@ -136,7 +145,7 @@ _PIECES_PER_GAP_INTERVAL = 4  # pieces between two gaps for the curves of a mode
 
 
 def make_model(fit: FoundModel, loopset: Loops) -> Model:
-    """Return the model of a fit with parameters and gap map, without records of its identification."""
+    """Return the model of a fit with parameters and gap map, without records of its origin."""
     space = fit.space
     positions, sets = _model_nodes(fit)
     nodes = tuple(positions.tolist())
@@ -172,7 +181,7 @@ def _model_nodes(fit: FoundModel) -> tuple[FloatArray, list[ParameterSet]]:
     if space.gap_map != "leakage":
         return nodes, sets
     leakage = space.leakage(fit.theta)
-    omegas = np.array([local.omega for local in sets])
+    omegas = np.array([parameter_set.omega for parameter_set in sets])
     gap_rho = Curve("rho", nodes, omegas / np.maximum(1.0 - leakage * omegas, MIN_GAP_FLUX_SHARE))
     pieces = [
         np.linspace(*interval, _PIECES_PER_GAP_INTERVAL, endpoint=False)

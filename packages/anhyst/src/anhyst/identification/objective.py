@@ -49,9 +49,9 @@ class CellResponder:
             omega, r, _ = drives.cell_inputs(sets)
             x, m = cells.follow(omega, r, drives.starts)
             for record, samples in zip(drives.records, drives.record_slices, strict=True):
-                local = sets[record.gap]
-                b = m[samples] + local.h * x[samples]
-                outputs.append(local.gain * b**form.power + local.out_0)
+                parameter_set = sets[record.gap]
+                b = m[samples] + parameter_set.h * x[samples]
+                outputs.append(parameter_set.gain * b**form.power + parameter_set.out_0)
         return outputs
 
     def derivatives(
@@ -75,7 +75,7 @@ class CellResponder:
         assert form.cells is not None
         require_slope(sets)
         try:
-            cells = [form.cells.make_driven_cells(local.law) for local in sets]
+            cells = [form.cells.make_driven_cells(parameter_set.law) for parameter_set in sets]
         except ValueError as error:
             raise NoResponseError(str(error)) from error
         if records is not self._grouped:
@@ -176,9 +176,8 @@ _MAX_PIECE_SAMPLES = 20_000
 """Number of samples whose derivatives are stored at once, to limit memory. A Jiles-Atherton law has
 few parameters and needs its whole cycle to close it."""
 
-NO_ANSWER_DEVIATION = (
-    10.0  # residual for parameters without a solution, relative to the largest output
-)
+# residual for parameters without a solution, relative to the largest output
+NO_ANSWER_DEVIATION = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,9 +248,9 @@ class Objective:
         return np.concatenate(self._responder.outputs(self.space.form, sets, self._loops))
 
     def deviations(self, theta: FloatArray) -> FloatArray:
-        """Return weighted residuals, shape (samples,), followed by drift cost and regularisation."""
+        """Return weighted residuals, (samples,), followed by drift cost and regularisation."""
         try:
-            outputs = self.outputs([local for local, _ in self.space.unpack(theta)])
+            outputs = self.outputs([parameter_set for parameter_set, _ in self.space.unpack(theta)])
         except NoResponseError:
             return self.no_answer_deviations
         residual = (outputs - self.measured) * self.weights
@@ -277,7 +276,7 @@ class Objective:
         gap_normals = np.zeros((len(sets), numbers, numbers))
         gap_gradients = np.zeros((len(sets), numbers))
         values, gap_drifts = [], np.zeros((len(sets), numbers))
-        start, at_gaps = 0, [local for local, _ in sets]
+        start, at_gaps = 0, [parameter_set for parameter_set, _ in sets]
         responses = self._responder.derivatives(self.space.form, at_gaps, self._loops)
         for gap, output, derivatives in responses:
             samples = slice(start, start + output.size)
@@ -335,7 +334,7 @@ class Objective:
             return Linearisation(self.no_answer_deviations, zeros[0], zeros)
 
     def linearise_if_better(self, theta: FloatArray, cost: float) -> Linearisation | None:
-        """Linearise if the cost is below a limit, else return None. Numerical derivatives are slow."""
+        """Linearise if the cost is below a limit, else return None; numerically, this is slow."""
         if not self.space.form.kernel.has_derivatives:
             deviations = self.deviations(theta)
             if float(deviations @ deviations) >= cost:
@@ -371,7 +370,7 @@ class _Drift:
         return float(self.direction @ deviation / self.squared_norm)
 
     def remove(self, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the residuals without the drift, and the cost of the drift as one more residual."""
+        """Return the residuals without the drift, and the cost of the drift as a residual."""
         slope = self.slope(deviation)
         return deviation - self.direction * slope, np.array([self._prior_weight * slope])
 

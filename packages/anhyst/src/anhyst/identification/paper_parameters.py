@@ -227,12 +227,16 @@ class Criterion:
     def cost_of_set(self, values: Mapping[str, float]) -> float:
         """Return the cost of one set by the exact law, or :data:`NO_ANSWER_COST`."""
         self.evaluations += 1
-        local = make_parameter_set(values, self._form.power)
+        parameter_set = make_parameter_set(values, self._form.power)
         try:
-            key = (local.kappa, local.c, local.omega if self._form.kernel.is_coupled else 0.0)
+            key = (
+                parameter_set.kappa,
+                parameter_set.c,
+                parameter_set.omega if self._form.kernel.is_coupled else 0.0,
+            )
             if self._built is None or self._built[0] != key:
-                self._built = (key, self._form.make_operator(local))
-            output = partial(self._responder.output, self._form, local, self._built[1])
+                self._built = (key, self._form.make_operator(parameter_set))
+            output = partial(self._responder.output, self._form, parameter_set, self._built[1])
             return sum(
                 share * float(np.abs(output(record) - record.output).sum())
                 for share, record in zip(self._shares, self._loops, strict=True)

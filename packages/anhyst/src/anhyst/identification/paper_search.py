@@ -118,7 +118,7 @@ class EvolutionStrategy:
         self._mutate()
 
     def _mutate(self) -> None:
-        """Mutate the step sizes (log-normal), then the variables with the new step sizes (normal)."""
+        """Mutate the step sizes (log-normal), then the variables with these steps (normal)."""
         common = self._random.standard_normal((self._lambda, 1))
         single = self._random.standard_normal(self._sigma.shape)
         self._sigma = self._sigma * np.exp(self._tau_common * common + self._tau * single)

@@ -144,7 +144,7 @@ def _stage_name(varying: Sequence[str], description: str) -> str:
 
 
 def _select_cheapest(state: SearchState, costs: dict[str, float]) -> str:
-    """Return the parameter to fix: the cheapest or, at equal cost, the most constant over the gaps."""
+    """Return the parameter to fix: the cheapest or, at equal cost, the most constant one."""
     limit = _max_equal_cost(min(costs.values()))
     return min(
         (name for name, cost in costs.items() if cost <= limit),
@@ -224,7 +224,7 @@ def _last_varying(bench: PaperSearch, gap_map: str) -> str | None:
 def _make_model(bench: PaperSearch, state: SearchState, gap_map: str) -> tuple[Model, FoundModel]:
     model = model_at_nodes(state, bench.run, bench.loopset)
     sets = [make_parameter_set(values, bench.run.form.power) for values in state.sets]
-    h = float(np.mean([local.h for local in sets]))
+    h = float(np.mean([parameter_set.h for parameter_set in sets]))
     # A gap-dependent alpha can be a reluctance, for a gap and not in the law of 1986.
     is_over_gap = gap_map == "reluctance" or is_scheduled_over_gap(bench.loopset)
     can_be_circuit = "c_H" in bench.searched_names and not bench.run.form.kernel.is_coupled
@@ -251,8 +251,10 @@ def _as_series_reluctance(sets: list[ParameterSet], h: float) -> list[ParameterS
     (docs/theory.md). With a reluctance, the gap may move during a run; with alpha, it must be
     fixed.
     """
-    unscaled = float(np.mean([local.scale * (1.0 - h * local.omega) for local in sets]))
-    gain = float(np.mean([local.gain for local in sets]))
+    unscaled = float(
+        np.mean([parameter_set.scale * (1.0 - h * parameter_set.omega) for parameter_set in sets])
+    )
+    gain = float(np.mean([parameter_set.gain for parameter_set in sets]))
     return [
         replace(parameter_set, h=h, gain=gain, scale=unscaled / (1.0 - h * parameter_set.omega))
         for parameter_set in sets

@@ -241,7 +241,7 @@ def mean_error(groups: Iterable[Sequence[_LoopPath]], rate: _RateParameters) -> 
 def fit_rate(
     model: Model, loops: Loops, speeds: SpeedGroups, min_layers: int = LAYER_COUNTS[0]
 ) -> RateFit:
-    """Fit eddy currents to fast loops with a fixed static model and at least `min_layers` layers."""
+    """Fit eddy currents to fast loops, with a fixed static model and a minimum number of layers."""
     static, model = model, _with_series_reluctance(model)
     problem = _RateProblem(model, speeds, largest_output(loops))
     folds = problem.make_folds()

@@ -94,10 +94,10 @@ class ResponseForm:
         """Gauge-free parameters at one gap, in the order of the derivatives."""
         return (*(number.name for number in self.kernel.fit_parameters), *CIRCUIT_NAMES)
 
-    def named_values(self, local: ParameterSet) -> dict[str, float]:
+    def named_values(self, parameter_set: ParameterSet) -> dict[str, float]:
         """Return the parameters of a set by name."""
-        circuit_values = (getattr(local, name) for name in CIRCUIT_NAMES)
-        return dict(zip(self.names, (*local.law, *circuit_values), strict=True))
+        circuit_values = (getattr(parameter_set, name) for name in CIRCUIT_NAMES)
+        return dict(zip(self.names, (*parameter_set.law, *circuit_values), strict=True))
 
     def make_set(self, values: Sequence[float]) -> ParameterSet:
         """Return a parameter set from values in the order of the names, with h by its rule."""
@@ -105,21 +105,23 @@ class ResponseForm:
         h = self.permeability * scale / gain if self.permeability > 0.0 else self.h
         return ParameterSet(tuple(law), omega, scale, gain, in_0, out_0, h)
 
-    def make_operator(self, local: ParameterSet) -> Operator:
+    def make_operator(self, parameter_set: ParameterSet) -> Operator:
         """Build the law for a parameter set; in the law of 1986, interaction enters twice."""
-        require_slope([local])
+        require_slope([parameter_set])
         kernel = self.kernel
         assert isinstance(kernel, Kernel)
         try:
-            play = self.dead_band * local.kappa
-            return kernel.make_operator(local.kappa, local.c, play, local.omega)
+            play = self.dead_band * parameter_set.kappa
+            return kernel.make_operator(
+                parameter_set.kappa, parameter_set.c, play, parameter_set.omega
+            )
         except ValueError as error:
             raise NoResponseError(str(error)) from error
 
 
 def require_slope(sets: Sequence[ParameterSet]) -> None:
     """Raise an error for sets whose curve would be almost as flat as the air core."""
-    if max(local.h * local.omega for local in sets) > MAX_FLATNESS:
+    if max(parameter_set.h * parameter_set.omega for parameter_set in sets) > MAX_FLATNESS:
         raise NoResponseError("the curve would be almost as flat as the air core")
 
 
@@ -147,7 +149,7 @@ class Responder:
     def output(
         self,
         form: ResponseForm,
-        local: ParameterSet,
+        parameter_set: ParameterSet,
         operator: Operator,
         record: FitRecord,
         sets: Sequence[ParameterSet] = (),
@@ -156,15 +158,15 @@ class Responder:
 
         Without the sets of all gaps, the history counts as if it had happened at this gap.
         """
-        r = (record.input - local.in_0) / local.scale
-        omega = np.full(r.size, local.omega)
+        r = (record.input - parameter_set.in_0) / parameter_set.scale
+        omega = np.full(r.size, parameter_set.omega)
         state = demagnetised()
         if record.history.drive.size and not record.is_cycle:
-            omega_before, r_before = history_inputs(sets or (local,), record.history)
+            omega_before, r_before = history_inputs(sets or (parameter_set,), record.history)
             _, _, state, status, _ = operator.run(omega_before, r_before, state)
             require_answer(status)
         elif record.is_cycle and id(record) in self._starts:
-            state = _make_admissible(self._starts[id(record)], form, local, float(r[-1]))
+            state = _make_admissible(self._starts[id(record)], form, parameter_set, float(r[-1]))
         x, m, final_state, status, _ = operator.run(omega, r, state)
         require_answer(status)
         cycle_ends = [float(state[1])]
@@ -177,13 +179,15 @@ class Responder:
             state = final_state
             if len(cycle_ends) % _PASSES_PER_EXTRAPOLATION == 0:
                 state = _make_admissible(
-                    _extrapolate_cycle(final_state, cycle_ends), form, local, float(r[-1])
+                    _extrapolate_cycle(final_state, cycle_ends), form, parameter_set, float(r[-1])
                 )
             x, m, final_state, status, _ = operator.run(omega, r, state)
             require_answer(status)
         if record.is_cycle:
             self._starts[id(record)] = final_state
-        return np.asarray(local.gain * (m + local.h * x) ** form.power + local.out_0)
+        return np.asarray(
+            parameter_set.gain * (m + parameter_set.h * x) ** form.power + parameter_set.out_0
+        )
 
     def with_derivatives(
         self,
@@ -193,25 +197,27 @@ class Responder:
         record: FitRecord,
     ) -> tuple[FloatArray, FloatArray]:
         """Return output, (n,), and derivatives by :data:`PARAMETER_NAMES`, (n, 7), of a drive."""
-        local = sets[record.gap]
+        parameter_set = sets[record.gap]
         if record.is_cycle:
-            path = self._follow_cycle(form, local, operator, record)
+            path = self._follow_cycle(form, parameter_set, operator, record)
         else:
             path = _follow_record(form, sets, operator, record)
-        return output_derivatives(form, [local], np.zeros(record.input.size, dtype=np.intp), path)
+        return output_derivatives(
+            form, [parameter_set], np.zeros(record.input.size, dtype=np.intp), path
+        )
 
     def _follow_cycle(
-        self, form: ResponseForm, local: ParameterSet, operator: Operator, record: FitRecord
+        self, form: ResponseForm, parameter_set: ParameterSet, operator: Operator, record: FitRecord
     ) -> CellPath:
         """Close the cycle by Newton's method on one unknown: y before the first sample."""
-        terms = _SolverInputs(form, local, record.input, _DERIVATIVE_COUNT + 1)
+        terms = _SolverInputs(form, parameter_set, record.input, _DERIVATIVE_COUNT + 1)
         state = self._starts.get(id(record))
         if state is None:
             _, _, state, status, _ = operator.run(terms.omega, terms.r, demagnetised())
             require_answer(status)
-        state = _make_admissible(state, form, local, float(terms.r[-1]))
+        state = _make_admissible(state, form, parameter_set, float(terms.r[-1]))
         for _ in range(_MAX_PASSES):
-            seeds = _start_derivatives(form, local, terms, state)
+            seeds = _start_derivatives(form, parameter_set, terms, state)
             x, m, x_t, m_t, final_state, seeds_after, status, _ = operator.sensitivity(
                 terms.omega, terms.r, terms.omega_t, terms.r_t, terms.law_t, state, seeds
             )
@@ -221,7 +227,7 @@ class Responder:
             if abs(mismatch) < _NEARLY_CLOSED_TOLERANCE:
                 break
             start = final_state + remaining * mismatch * seeds[_START_DERIVATIVE]
-            state = _make_admissible(start, form, local, float(terms.r[-1]))
+            state = _make_admissible(start, form, parameter_set, float(terms.r[-1]))
         # The remaining mismatch is so small that the derivatives correct it without another pass.
         x += mismatch * x_t[:, _START_DERIVATIVE]
         m += mismatch * m_t[:, _START_DERIVATIVE]
@@ -238,7 +244,12 @@ def output_derivatives(
     """Return the output at each sample, and its derivatives by the parameters at its gap."""
     x, m, x_t, m_t = path
     law = len(sets[0].law)
-    scalars = np.array([(local.h, local.scale, local.gain, local.out_0) for local in sets])
+    scalars = np.array(
+        [
+            (parameter_set.h, parameter_set.scale, parameter_set.gain, parameter_set.out_0)
+            for parameter_set in sets
+        ]
+    )
     h, scale, gain, out_0 = scalars[gaps].T
     b = m + h * x
     slope = gain * form.power * b ** (form.power - 1)
@@ -258,10 +269,14 @@ def _make_operators(form: ResponseForm, sets: Sequence[ParameterSet]) -> list[Op
     """Return the law at each gap; equal laws are built once."""
     operators_by_key: dict[tuple[float, ...], Operator] = {}
     operators = []
-    for local in sets:
-        key = (*local.law, local.omega) if form.kernel.is_coupled else local.law
+    for parameter_set in sets:
+        key = (
+            (*parameter_set.law, parameter_set.omega)
+            if form.kernel.is_coupled
+            else parameter_set.law
+        )
         if key not in operators_by_key:
-            operators_by_key[key] = form.make_operator(local)
+            operators_by_key[key] = form.make_operator(parameter_set)
         operators.append(operators_by_key[key])
     return operators
 
@@ -271,7 +286,13 @@ def interpolate_over_gaps(sets: Sequence[ParameterSet], gap: FloatArray) -> tupl
     indices = np.arange(len(sets))
     return tuple(
         np.interp(gap, indices, values)
-        for values in zip(*((local.omega, local.scale, local.in_0) for local in sets), strict=True)
+        for values in zip(
+            *(
+                (parameter_set.omega, parameter_set.scale, parameter_set.in_0)
+                for parameter_set in sets
+            ),
+            strict=True,
+        )
     )
 
 
@@ -287,16 +308,16 @@ class _SolverInputs:
     """Inputs of the solver for a drive, with derivatives by kappa, c, omega, scale, in_0."""
 
     def __init__(
-        self, form: ResponseForm, local: ParameterSet, drive: FloatArray, directions: int
+        self, form: ResponseForm, parameter_set: ParameterSet, drive: FloatArray, directions: int
     ) -> None:
         n = drive.size
-        self.r = (drive - local.in_0) / local.scale
-        self.omega = np.full(n, local.omega)
+        self.r = (drive - parameter_set.in_0) / parameter_set.scale
+        self.omega = np.full(n, parameter_set.omega)
         self.omega_t = np.zeros((n, directions))
         self.omega_t[:, 2] = 1.0
         self.r_t = np.zeros((n, directions))
-        self.r_t[:, 3] = -self.r / local.scale
-        self.r_t[:, 4] = -1.0 / local.scale
+        self.r_t[:, 3] = -self.r / parameter_set.scale
+        self.r_t[:, 4] = -1.0 / parameter_set.scale
         self.law_t = np.zeros((directions, 3))
         self.law_t[0, 0] = 1.0
         self.law_t[0, 2] = form.dead_band
@@ -321,19 +342,19 @@ def _follow_record(
 
 
 def _start_derivatives(
-    form: ResponseForm, local: ParameterSet, terms: _SolverInputs, state: FloatArray
+    form: ResponseForm, parameter_set: ParameterSet, terms: _SolverInputs, state: FloatArray
 ) -> FloatArray:
     """Return the derivatives of the state before the first sample, where x depends on y.
 
     The play keeps the same relative position in its width, as after a drive has moved it.
     """
     x, y, p = state.tolist()
-    kappa, c = local.law
+    kappa, c = parameter_set.law
     anhysteretic, slope = _langevin(x)
-    steepness = 1.0 + local.omega * c * slope
+    steepness = 1.0 + parameter_set.omega * c * slope
     x_t = terms.r_t[-1] - terms.omega_t[-1] * ((1.0 - c) * y + c * anhysteretic)
-    x_t = x_t - local.omega * (anhysteretic - y) * terms.law_t[:, 1]
-    x_t[_START_DERIVATIVE] = -local.omega * (1.0 - c)
+    x_t = x_t - parameter_set.omega * (anhysteretic - y) * terms.law_t[:, 1]
+    x_t[_START_DERIVATIVE] = -parameter_set.omega * (1.0 - c)
     seeds = np.zeros((_DERIVATIVE_COUNT + 1, 3))
     seeds[:, 0] = seeds[:, 2] = x_t / steepness
     seeds[0, 2] += (p - x) / kappa if form.dead_band else 0.0
@@ -348,15 +369,15 @@ def _langevin(x: float) -> tuple[float, float]:
 
 
 def _make_admissible(
-    state: FloatArray, form: ResponseForm, local: ParameterSet, r: float
+    state: FloatArray, form: ResponseForm, parameter_set: ParameterSet, r: float
 ) -> FloatArray:
     """Convert a state of other parameters to one before the first sample, with y within its limits.
 
     For constant y, the equation is ``x + omega*((1-c)*y + c*L(x)) = r``, smooth in x.
     """
     x, y, p = state.tolist()
-    kappa, c = local.law
-    omega, play = local.omega, form.dead_band * kappa
+    kappa, c = parameter_set.law
+    omega, play = parameter_set.omega, form.dead_band * kappa
     play_offset = min(max(p - x, -play), play)
     for _ in range(4):
         anhysteretic, slope = _langevin(x)

@@ -139,9 +139,8 @@ class Outcome:
     # output
     ambiguity: float = 0.0
     steps: tuple[ReductionStep, ...] = ()  # steps of the reduction in the paper's search
-    per_gap: Model | None = (
-        None  # model of the paper's search with all parameters free at each gap, without records
-    )
+    # model of the paper's search with all parameters free at each gap, without records
+    per_gap: Model | None = None
     resumed_stages: int = 0  # number of stages taken from a checkpoint
     rate_reason: str = ""  # reason for the rate dependence of solid iron
     fit: FoundModel | None = None  # the same fit in gauge-free coordinates

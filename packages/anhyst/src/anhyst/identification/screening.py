@@ -29,12 +29,10 @@ from anhyst.laws.cells import Shape
 from anhyst.support.errors import InputError, NoUsableStartError
 from anhyst.support.numeric import FloatArray
 
-LEVEL_VARIABLE = (
-    "ANHYST_DISPATCH"  # environment variable that selects the instruction set of the batch
-)
-JUMP_INTERACTION = (
-    3.0  # for omega <= -3, the magnetisation may jump; the batch does not support this
-)
+# environment variable that selects the instruction set of the batch
+LEVEL_VARIABLE = "ANHYST_DISPATCH"
+# for omega <= -3, the magnetisation may jump; the batch does not support this
+JUMP_INTERACTION = 3.0
 
 _MIN_OMEGA = -2.95
 
@@ -49,7 +47,7 @@ _SCREENING_SAMPLES = 64  # samples per loop in the screening, at most
 
 
 def batch_level() -> str:
-    """Return the instruction set of the batch: the processor's best, or the one of the environment."""
+    """Return the instruction set of the batch: the processor's best, or the environment's."""
     levels = batch_levels()
     level = os.environ.get(LEVEL_VARIABLE)
     if level is None:
@@ -167,7 +165,7 @@ def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray
 def screen_starts(
     space: CoordinateSpace, count: int, max_starts: int, seed: int
 ) -> list[ParameterSet]:
-    """Return the best sets of a screening at a single gap, at a minimum distance from each other."""
+    """Return the best sets of a screening at a single gap, with a minimum distance."""
     is_interacting = "omega" not in space.fixed
     start_sets = _select_best_sets(
         space, sample_sets(space.records, count, seed, is_interacting), max_starts
@@ -222,8 +220,8 @@ def scan_gap(
     best = np.argmin(cost, axis=1)
     best_columns = best + _SCAN_VALUES * np.arange(count)
     sets = [
-        replace(local, omega=float(table[2, index]), scale=float(table[3, index]))
-        for local, index in zip(start_sets, best_columns, strict=True)
+        replace(parameter_set, omega=float(table[2, index]), scale=float(table[3, index]))
+        for parameter_set, index in zip(start_sets, best_columns, strict=True)
     ]
     return sets, cost[np.arange(count), best]
 
@@ -235,7 +233,9 @@ def cost_at_gap(space: CoordinateSpace, gap: int, sets: list[ParameterSet]) -> F
 
 def _parameter_table(sets: list[ParameterSet]) -> FloatArray:
     """Return the sets as columns, with the parameters as rows in the order of PARAMETER_NAMES."""
-    return np.array([[getattr(local, name) for local in sets] for name in PARAMETER_NAMES])
+    return np.array(
+        [[getattr(parameter_set, name) for parameter_set in sets] for name in PARAMETER_NAMES]
+    )
 
 
 def _table_cost(space: CoordinateSpace, gap: int, table: FloatArray) -> FloatArray:

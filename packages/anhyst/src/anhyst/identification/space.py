@@ -183,22 +183,22 @@ class CoordinateSpace:
         return np.array(low), np.array(high)
 
     def pack(self, sets: list[ParameterSet]) -> FloatArray:
-        """Return the coordinates of parameters at each gap; common ones are those of the first gap."""
+        """Return the coordinates of parameters at each gap; common ones are from the first gap."""
         theta = []
         gain, leakage = self._gain_and_leakage(sets)
         for name, gap in self.entries:
-            local = sets[gap or 0]
-            values = self.form.named_values(local) | {"leakage": leakage}
+            parameter_set = sets[gap or 0]
+            values = self.form.named_values(parameter_set) | {"leakage": leakage}
             value = gain if (name, self.gap_map) == ("gain", "leakage") else values[name]
             if name == "scale" and self.gap_map in SERIES_MAPS:
-                value *= 1.0 - self.form.h * local.omega
+                value *= 1.0 - self.form.h * parameter_set.omega
             theta.append(self.to_coordinate(name, value))
         return np.asarray(np.clip(np.array(theta), *self.bounds))
 
     def _gain_and_leakage(self, sets: Sequence[ParameterSet]) -> tuple[float, float]:
         """Return gain without leakage, and leakage, that fit the gains of all gaps best."""
-        omega = np.array([local.omega for local in sets])
-        root = np.array([local.gain for local in sets]) ** (1.0 / self.form.power)
+        omega = np.array([parameter_set.omega for parameter_set in sets])
+        root = np.array([parameter_set.gain for parameter_set in sets]) ** (1.0 / self.form.power)
         centred = omega - omega.mean()
         spread = float(centred @ centred)
         slope = float(centred @ root) / spread if spread > 0.0 else 0.0
@@ -215,7 +215,7 @@ class CoordinateSpace:
         return replace(self, records=self.records.without_gaps(withheld)), np.array(indices)
 
     def with_fixed(self, names: frozenset[str]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
-        """Return the space with more parameters fixed at zero, and its coordinates' indices here."""
+        """Return the space with more parameters fixed at zero, and its coordinate indices here."""
         indices = [index for index, (name, _) in enumerate(self.entries) if name not in names]
         return replace(self, fixed=self.fixed | names), np.array(indices)
 

@@ -31,9 +31,8 @@ from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 from anhyst.support.numeric import FloatArray, rms
 from anhyst.support.units import MU_0
 
-_MAX_RELATIVE_STD = (
-    0.2  # relative standard deviation above which a parameter is reported as uncertain
-)
+# relative standard deviation above which a parameter is reported as uncertain
+_MAX_RELATIVE_STD = 0.2
 
 _MAX_NAMED_PARAMETERS = 6
 """Maximum number of uncertain parameters that are named. Many are meaningful only together."""
@@ -88,7 +87,7 @@ def assess_uncertainty(fit: FoundModel, loopset: Loops) -> Uncertainty:
     units = {"input": loopset.input.unit, "output": loopset.output.unit}
     readings = {"in_0": space.records.rest.input, "out_0": space.records.rest.output}
     names, values, stds = [], [], []
-    at_gaps = [space.form.named_values(local) for local in fit.parameter_sets]
+    at_gaps = [space.form.named_values(parameter_set) for parameter_set in fit.parameter_sets]
     for (name, gap), coordinate_value, slope, std in zip(
         space.entries,
         *(column.tolist() for column in space.to_parameters(fit.theta)),
@@ -359,7 +358,7 @@ _MAX_SIMPLER_ERROR_RATIO = 3.0
 
 
 def deviation_between_gaps(model: Model, rival: Model, loopset: Loops) -> float:
-    """Return the largest mean deviation of two models midway between gaps, relative to full scale."""
+    """Return the largest mean deviation of two models midway between gaps, per full scale."""
     groups = loopset.by_schedule()
     deviations = []
     for low, high in pairwise(sorted(groups)):
@@ -403,7 +402,7 @@ _INITIAL_CURVE_SAMPLES = 100
 
 
 def has_no_initial_curve(loopset: Loops) -> bool:
-    """Whether no loop starts demagnetised, so that the initial magnetisation curve is not measured."""
+    """Whether no loop starts demagnetised, so that no initial magnetisation curve is measured."""
     return all(loop.history.kind != "demagnetised" for loop in loopset.loops)
 
 

@@ -53,9 +53,8 @@ class CellWeights:
     # contribution of each cell and curve to the saturation, 0 or above, A/m; shape (n + 1, J)
     weights: FloatArray
     shape: Shape = "tanh"  # curve, ``"tanh"`` or ``"langevin"``
-    centres: FloatArray | None = (
-        None  # centres of the curves, 0 or above, A/m; shape (J,); None: all 0
-    )
+    # centres of the curves, 0 or above, A/m; shape (J,); None: all 0
+    centres: FloatArray | None = None
 
     def __post_init__(self) -> None:
         for name in ("thresholds", "widths", "weights", "centres"):

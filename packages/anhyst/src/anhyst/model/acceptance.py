@@ -163,7 +163,7 @@ class Acceptance:
         return all(check.passed for check in checks) if checks else None
 
     def text(self, unit: str) -> str:
-        """Return the failed tests or, if there are none, the passed ones; ``unit`` is the drive's."""
+        """Return the failed tests or, if none failed, the passed ones; ``unit`` is the drive's."""
         checks = self._checks()
         failed = [check for check in checks if not check.passed]
         return "; ".join(check.text(unit) for check in failed or checks)

@@ -126,7 +126,7 @@ class Model(Result, ModelData):
         return Stepper(self, schedule, history)
 
     def check_over_gap(self) -> GapCheck | None:
-        """Test the model over the gap; see :func:`anhyst.model.acceptance.check_over_gap`."""
+        """Test the model over the gap: :func:`anhyst.model.acceptance.check_over_gap`."""
         return check_over_gap(self)
 
     def acceptance(self) -> Acceptance:

@@ -221,9 +221,8 @@ def _attribute_to_shapes(
     all_shapes = orthonormal_basis(np.hstack([variant for _, variant in bases]))
     sizes = [record.deviation.size for record in records]
     noise_model = estimate_coloured_noise(deviation, all_shapes, sizes)
-    if rms * span > max(
-        max_noise, NEGLIGIBLE_DEVIATION * span
-    ):  # too large for filtered noise: any smooth curve counts
+    # too large for filtered noise: any smooth curve counts
+    if rms * span > max(max_noise, NEGLIGIBLE_DEVIATION * span):
         white_variance = max(noise_rms, NEGLIGIBLE_DEVIATION * span) ** 2
         noise_model = ColouredNoise(
             tuple(sizes), white_variance, 0.0, float(max(deviation.size - all_shapes.shape[1], 2))

@@ -252,7 +252,7 @@ def _apply_correlation(
 
 
 def _mean_of_neighbours(columns: FloatArray, sizes: tuple[int, ...]) -> FloatArray:
-    """Return the mean of the samples before and after each, with zeros beyond the ends of a record."""
+    """Return the mean of the samples before and after each; zeros beyond the ends of a record."""
     pairs = []
     for record_columns in np.split(columns, np.cumsum(sizes)[:-1]):
         mean = np.zeros_like(record_columns)
