@@ -33,7 +33,8 @@ MAX_DEMAND_RATIO = 0.95
 """Largest demand, as a fraction of the smallest force over the gaps at the largest current."""
 
 FULL_SWING_S = 0.015
-"""Time for a current swing over the whole range, s; it determines the supply."""
+"""Time for a current swing over the whole range, s; it determines the slew rate of the amplifier.
+"""
 
 HELD_GAP_COUNT = 7
 """Number of gaps for the held armature, from the smallest to the largest measured gap."""
