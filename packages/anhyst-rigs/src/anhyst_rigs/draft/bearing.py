@@ -19,26 +19,27 @@ from anhyst_rigs.draft.magnet import Machine, MeasuredMagnet
 from anhyst_rigs.draft.text import round_down, round_nearest, round_up, step_down, step_up
 
 BANDWIDTH_PER_POLE = 1.4
-"""Distance of the controller's poles from the origin over that of the unstable pole."""
+"""Ratio of the distances of the controller's poles and of the unstable pole from the origin."""
 
 RATE_PER_BANDWIDTH = 150.0
-"""Tick rate over bandwidth: one tick of delay costs 2 degrees of phase."""
+"""Ratio of tick rate and bandwidth: one tick of delay costs 2 degrees of phase."""
 
 MIN_RATE_PER_BANDWIDTH = 60.0
-"""Smallest tick rate over bandwidth; below it the delay makes the loop overshoot."""
+"""Smallest ratio of tick rate and bandwidth. With a smaller one, the delay makes the loop
+overshoot."""
 
 MIN_BANDWIDTH_HZ = 2.0
-"""Smallest bandwidth, Hz; below it lift-off takes too long."""
+"""Smallest bandwidth, Hz. With a smaller one, lift-off takes too long."""
 
 RATE_LIMITS_HZ = 1e3, 200e3
 """Smallest and largest tick rate, Hz."""
 
 AMPLIFIER_PER_BANDWIDTH = 20.0
-"""Bandwidth of the current control over that of the position control."""
+"""Ratio of the bandwidths of current control and position control."""
 
 FULL_SWING_PER_BANDWIDTH = 5.0
-"""Frequency at which the supply can drive the current over its whole range, over the bandwidth of
-the position control."""
+"""Frequency of full-range current swings that the supply must allow, over the bandwidth of the
+position control."""
 
 WINDING_TIME_CONSTANT_S = 0.02
 """Inductance over resistance of a winding, s."""

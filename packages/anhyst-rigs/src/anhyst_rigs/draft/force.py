@@ -23,7 +23,7 @@ MAX_RATE_HZ = 50e3
 """Largest tick rate, Hz, of a small controller."""
 
 SLOW_PERIOD_RATIO = 40.0
-"""Period of the slow triangle over that of the fastest loops, for a solid core."""
+"""Ratio of the periods of the slow triangle and of the fastest loops, for a solid core."""
 
 SOLID_DEPTH_M = 0.01
 """Depth from the surface of a solid core to its middle, m. Only its square times the conductivity
@@ -33,10 +33,11 @@ MAX_DEMAND_RATIO = 0.95
 """Largest demand, as a fraction of the smallest force over the gaps at the largest current."""
 
 FULL_SWING_S = 0.015
-"""Time in which the supply drives the current over its whole range, s."""
+"""Time for a current swing over the whole range, s; it determines the slew rate of the amplifier.
+"""
 
 HELD_GAP_COUNT = 7
-"""Number of gaps at which the armature is held, from the smallest to the largest measured gap."""
+"""Number of gaps for the held armature, from the smallest to the largest measured gap."""
 SOLID_HELD_GAP_COUNT = 3
 """Number of gaps for a solid core."""
 

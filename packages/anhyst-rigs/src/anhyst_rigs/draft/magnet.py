@@ -32,7 +32,7 @@ MIN_LOAD_RATIO = 0.01
 """
 
 MIN_BRANCH_SAMPLES = 12
-"""Smallest number of samples of a branch from which its noise can be estimated."""
+"""Smallest number of samples of a branch for an estimate of its noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ STOP_CLEARANCE_RATIO = 0.05
 
 @dataclass(frozen=True, slots=True)
 class MachineRequest:
-    """Data of a machine that a user gives; None for values to guess."""
+    """Data of a machine that a user gives, or None for values to guess."""
 
     mass: float | None = None  # moving mass, kg
     load: float | None = None  # load that opens the gap, N

@@ -34,14 +34,13 @@ MAX_LAG_SAMPLES = 3.0
 MIN_RATE_RATIO = 3.0
 """Smallest ratio of rates that counts as several rates."""
 MAX_CREEP_RESIDUAL_RATIO = 0.97
-"""Largest residual with creep over that without it, for which creep is used."""
+"""Largest ratio of the residuals with and without creep that justifies creep."""
 OUTLIER_RATIO = 10.0
 """Residual of an outlier over the median residual."""
 MAX_OUTLIER_SHARE = 0.02
-"""Largest fraction of outliers that are excluded; with more none is."""
+"""Largest fraction of outliers that are excluded. If there are more, all samples are used."""
 MAX_RESIDUAL_RATIO = 0.05
-"""Largest rms residual, as a fraction of the stroke, for which the loops count as those of a stack.
-"""
+"""Largest rms residual of loops that count as loops of a stack, as a fraction of the stroke."""
 MAX_FIT_SAMPLES = 6_000
 """Largest number of fitted samples."""
 INITIAL_LOG_BETAS = (0.5, 2.5)

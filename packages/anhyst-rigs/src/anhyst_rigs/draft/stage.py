@@ -17,7 +17,7 @@ RATE_HZ = 20e3
 ACCELERATING_FORCE_RATIO = 0.9
 """Fraction of the largest force that accelerates the mass; the rest is for the feedback."""
 PEAK_M_PER_S2 = 22.0
-"""Acceleration from which a mass is guessed, m/s^2."""
+"""Acceleration for the guess of the mass, m/s^2."""
 TRAINING_RATIOS = (1.0, 0.7, 0.4, 0.9, 0.5)
 """Turnarounds of the training set-point, as fractions of the largest acceleration."""
 TEST_RATIOS = (1.0, 0.45, 0.8, 0.27, 0.64, 1.0)
@@ -25,7 +25,7 @@ TEST_RATIOS = (1.0, 0.45, 0.8, 0.27, 0.64, 1.0)
 JERK_PHASE_S = 7.5e-3
 """Jerk phase of the set-point, s."""
 FULL_SWINGS_PER_JERK_PHASE = 10.0
-"""Jerk phase over the time in which the supply drives the current over its whole range."""
+"""Ratio of the jerk phase and the time for a full-range current swing."""
 
 
 def draft_stage(magnet: MeasuredMagnet, source: dict[str, Any], request: MachineRequest) -> Draft:

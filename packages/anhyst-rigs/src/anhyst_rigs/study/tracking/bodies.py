@@ -228,7 +228,7 @@ class StageLaw(MotionLaw):
         return () if self.optional_columns and has_probes else FLUX_PROBE_METHODS
 
     def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
-        """Return a fault if a recording begins in motion, so that its hysteresis state is unknown."""
+        """Return a fault if a recording begins in motion; its hysteresis state is then unknown."""
         file, pose_names = self.rig.settings, pose_columns(self.rig.settings.body.free)
         position_names = [name for name in pose_names if name.endswith("_m")] or pose_names
         position = np.column_stack([columns[name] for name in position_names])
@@ -294,7 +294,7 @@ class StageLaw(MotionLaw):
     def _magnet_force(
         self, motion: StageMotion, number: int, values: Mapping[ParameterName, float]
     ) -> FloatArray:
-        """Return the filtered force components of a magnet along a motion, N; results are cached."""
+        """Return the filtered force components of one magnet, N; results are cached."""
         scale = 1.0 + values.get(f"scale_{number}", 0.0)
         gap_zero = values.get(f"gap_zero_{number}_m", 0.0)
         width = round_to_grid("width", values.get(f"width_{number}", 0.0))

@@ -59,8 +59,7 @@ from anhyst_rigs.rig.stage.setpoint import frame_stray, motion_ticks, scan_motio
 ROWS_PER_COMMAND = 20
 """Rows after each command at the end of the golden vectors."""
 MAX_FLIGHT_ROWS = 2000
-"""Largest number of ticks of the flight in the golden vectors: rest, acceleration and the time after it.
-"""
+"""Largest number of ticks of the flight in the golden vectors: rest, acceleration and cruise."""
 
 
 def compile_stage(

@@ -156,7 +156,7 @@ class MotionLaw(ABC):
 
     @abstractmethod
     def find_motion_at_start(self, columns: Mapping[str, FloatArray]) -> ColumnFault | None:
-        """Return a fault if a recording begins in motion, so that its hysteresis state is unknown."""
+        """Return a fault if a recording begins in motion; its hysteresis state is then unknown."""
 
     def find_wrong_sign(self, motion: Motion) -> ColumnFault | None:
         """Return a fault if the demand has the opposite sign of the motion, otherwise None."""
