@@ -55,9 +55,7 @@ def test_eight_signals_of_every_tick_come_through_the_link(bridged: RunningFirmw
         first = bridged.bus.tick + 1
         for part in range(30):
             write(master, "set_demand", FULL // 4 * (part % 4))
-            bridged.bus.step(
-                50
-            )  # at most the size of the queue, because virtual time is faster than the link
+            bridged.bus.step(50)  # at most the size of the queue
             samples.wait(50 * (part + 1))
         samples.end()
         assert read(master, "state") == State.RUN
