@@ -18,24 +18,24 @@ from .plant import NoisyPlant
 RATE = 4000
 
 
-firmware._WARNINGS.append("-Werror")  # our own sources give none
+firmware._WARNINGS.append("-Werror")  # the sources have no warnings
 
 
 @pytest.fixture(scope="session")
 def parameters(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the firmware is built from."""
+    """The compiled folder from which the firmware is built."""
     return write_parameters(tmp_path_factory.mktemp("link") / "compiled", RATE)
 
 
 @pytest.fixture(scope="session")
 def host_firmware(parameters: Path) -> Path:
-    """The firmware as a process."""
+    """The firmware for a process of its own."""
     return build("host", parameters, parameters.parent / "host")
 
 
 @pytest.fixture(scope="session")
 def library_firmware(parameters: Path) -> Path:
-    """The firmware in this process."""
+    """The firmware for this process."""
     return build("library", parameters, parameters.parent / "library")
 
 
@@ -47,7 +47,7 @@ def qemu_firmware(parameters: Path) -> Path:
 
 @pytest.fixture
 def board(host_firmware: Path) -> Iterator[RunningFirmware]:
-    """A firmware on a pty that has passed its self-test."""
+    """A firmware on a pseudo-terminal after its self-test."""
     with run_host(host_firmware, NoisyPlant()) as running:
         running.bus.step(40)
         yield running

@@ -14,7 +14,7 @@ KIND: Kind = "simplified"
 
 
 def write_parameters(folder: Path, rate: float) -> Path:
-    """Write what a firmware is built from: a compensator for `rate` ticks a second."""
+    """Write a compiled folder with a compensator for `rate` ticks per second."""
     block = compiled(KIND)
     words = [int(word) for word in block.words]
     files = core_files(KIND_SOURCES[KIND]) | {

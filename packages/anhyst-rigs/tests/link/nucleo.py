@@ -32,7 +32,7 @@ ADC_IRQ = 18
 
 
 class Serial(NamedTuple):
-    """A serial port, and the stream of DMA that receives from it."""
+    """A serial port with the DMA stream that receives from it."""
 
     port: int
     stream: int
@@ -103,24 +103,24 @@ class Chip:
             self._put(line.stream + NDTR, RING)
 
     def start(self) -> None:
-        """Run from reset into the main loop."""
+        """Run from reset to the main loop."""
         stack, reset = (self._word(FLASH), self._word(FLASH + 4))
         self._cpu.reg_write(self._u.arm_const.UC_ARM_REG_SP, stack)
         self._run(reset, instructions=600_000)
 
     def main_loop(self) -> None:
-        """Let the main loop turn for a while."""
+        """Run the main loop for a while."""
         self._run(self._cpu.reg_read(self._u.arm_const.UC_ARM_REG_PC) | 1, instructions=20_000)
 
     def interrupt(self, number: int) -> None:
-        """Run a handler to its end, on the stack of what it interrupts."""
+        """Run an interrupt handler to its end, on the stack of the interrupted code."""
         context = self._cpu.context_save()
         self._cpu.reg_write(self._u.arm_const.UC_ARM_REG_LR, HANDLER_RETURN | 1)
         self._cpu.emu_start(self._word(FLASH + 4 * (16 + number)), HANDLER_RETURN)
         self._cpu.context_restore(context)
 
     def tick(self) -> None:
-        """Convert, and compute a tick."""
+        """Convert the signals, and compute a tick."""
         self._tick += 1
         self._put(TIM5_CNT, self._tick)
         for register, code in zip(ADC_JDR1, self.codes, strict=True):
@@ -129,17 +129,17 @@ class Chip:
         self._put(TIM4_CNT, self.edges & 0xFFFF)
         self._put(SPI2_SR, int(self.place is not None))
         self._put(SPI2_DR, self.place or 0)
-        if not self.inputs & CURRENT_FINE:  # what the timer does by itself
+        if not self.inputs & CURRENT_FINE:  # effect of the timer hardware
             self._put(TIM1_SR, BROKEN)
             self.written[TIM1_BDTR] = self.written.get(TIM1_BDTR, 0) & ~OUTPUTS_ON
         self.interrupt(ADC_IRQ)
 
     def flash(self) -> bytes:
-        """Return the two sectors that outlive the power."""
+        """Return the two non-volatile sectors."""
         return bytes(self._cpu.mem_read(SECTORS[6], 2 * SECTOR_BYTES))
 
     def receive(self, data: bytes, line: Serial = LINK) -> None:
-        """Let bytes arrive by DMA, and the main loop look at them."""
+        """Receive bytes by DMA, and run the main loop."""
         memory = self.written[line.stream + MEMORY]
         for byte in data:
             self._cpu.mem_write(memory + self._received[line] % RING, bytes([byte]))
@@ -148,7 +148,7 @@ class Chip:
         self.main_loop()
 
     def send(self, line: Serial = LINK) -> bytes:
-        """Run a serial port's interrupt until it has nothing to send; return what left."""
+        """Run the interrupt of a serial port until it has nothing to send; returns the sent bytes."""
         self.sent[line].clear()
         while self.written[line.port + CR1] & SENDS:
             self.interrupt(line.irq)
@@ -176,16 +176,16 @@ class Chip:
             elif address == FLASH_CR:
                 self._command(value)
         elif address == FLASH_SR:
-            self._put(FLASH_SR, 0)  # done at once, without an error
+            self._put(FLASH_SR, 0)  # completed immediately, without an error
         elif address == DWT_CYCCNT:
             self._cycles += 1000
             self._put(DWT_CYCCNT, self._cycles)
         elif address == RCC_CFGR:
             clock = self.written.get(address, 0)
-            self._put(address, clock | (clock & 3) << 2)  # the switch is done
+            self._put(address, clock | (clock & 3) << 2)  # the clock is switched
 
     def _command(self, command: int) -> None:
-        """Do what is written to the flash's control register."""
+        """Execute a write to the control register of the flash."""
         if command & LOCK:
             self._keys.clear()
             return
@@ -209,7 +209,7 @@ class Chip:
     def _program(
         self, _cpu: object, _access: int, address: int, size: int, value: int, _: object
     ) -> None:
-        """Bits fall, and stay: only where the flash was unlocked for it, a word at a time."""
+        """Clear bits of a word; only if the flash is unlocked for a word."""
         assert self._keys[-2:] == KEYS
         assert self.written[FLASH_CR] == PG | PSIZE_32
         assert (size, self._word(address)) == (4, 0xFFFFFFFF)

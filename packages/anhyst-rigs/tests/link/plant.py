@@ -28,7 +28,7 @@ class NoisyPlant:
         self._random = Random(1)
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
-        """Let the current of the tick before flow."""
+        """Apply the current of the tick before, and return the readings."""
         current = currents[0]
         self.drives.append(current)
         self._flows, self._next = self._next, current

@@ -33,10 +33,10 @@ class Disturbance:
     late: dict[int, list[bytes]] = field(default_factory=dict)
 
     def apply(self, frame: bytes, way: int) -> list[bytes]:
-        """Return the frames that come out where one went in; `way` is its direction."""
+        """Return the frames that result from one frame; `way` is its direction."""
         late = self.late.pop(way, [])
         if not late and self._happens("reorder"):
-            self.late[way] = [frame]  # comes after the next one
+            self.late[way] = [frame]  # delivered after the next frame
             return []
         return [] if self.cut else self._one(frame) + late
 
@@ -62,7 +62,7 @@ class Disturbance:
 
 @dataclass(frozen=True)
 class Line:
-    """Names of the two ends."""
+    """The names of the two ends."""
 
     controller: str
     pc: str
@@ -71,7 +71,7 @@ class Line:
 
 @contextmanager
 def disturbed_line(disturbance: Disturbance) -> Iterator[Line]:
-    """Carry bytes between two pseudo-terminals, whole frames at a time, not all of them well."""
+    """Carry frames between two pseudo-terminals, and disturb some of them."""
     pairs = [os.openpty(), os.openpty()]
     for pair in pairs:
         tty.setraw(pair[1])

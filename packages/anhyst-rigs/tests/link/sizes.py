@@ -12,13 +12,13 @@ from elftools.elf.elffile import ELFFile
 class FirmwareSizes:
     """Memory of a firmware for a microcontroller, bytes."""
 
-    flash: int  # code, constants and what variables start with
+    flash: int  # code, constants and initial values of variables
     ram: int  # variables: state, both parameter blocks, buffers
-    stack: int  # kept for the stack
+    stack: int  # reserved for the stack
 
 
 def read_sizes(program: Path) -> FirmwareSizes:
-    """Return how much memory a firmware takes."""
+    """Return the memory of a firmware."""
     with program.open("rb") as stream:
         size = {entry.name: int(entry["sh_size"]) for entry in ELFFile(stream).iter_sections()}
     data = size.get(".data", 0)

@@ -31,7 +31,7 @@ CODES = {"SLONG": "<i", "ULONG": "<I", "SWORD": "<h", "UWORD": "<H", "FLOAT32_IE
 
 
 class Description:
-    """An A2L as pya2l understands it, and a board with the firmware that it is of."""
+    """An A2L as pya2l reads it, and a board with its firmware."""
 
     def __init__(self, folder: Path, board: RunningFirmware) -> None:
         self.manifest = json.loads((folder / "manifest.json").read_text())
@@ -44,7 +44,7 @@ class Description:
         self.board = board
 
     def code(self, master: Any, name: str) -> float:
-        """Return the number that the firmware has where the A2L says it is."""
+        """Return the number at the address that the A2L states."""
         if name in self.measurements:
             one = self.measurements[name]
             address, kind = one.ecuAddress, one.datatype
@@ -57,19 +57,19 @@ class Description:
         return float(number)
 
     def worth(self, master: Any, name: str) -> float:
-        """Return the quantity there, in the unit that the A2L says."""
+        """Return this number as a quantity, in the unit of the A2L."""
         one = self.measurements.get(name) or self.characteristics[name]
         return float(one.compuMethod.int_to_physical(self.code(master, name)))
 
     def write(self, master: Any, name: str, code: int) -> None:
-        """Write a number where the A2L says."""
+        """Write a number to the address that the A2L states."""
         one = self.characteristics[name]
         master.setMta(one.address, 0)
         master.download(struct.pack(CODES[one.deposit.fncValues.data_type], code))
 
 
 class Resting(NoisyPlant):
-    """Its position lies in the middle, for the body that levitates."""
+    """A plant whose position is in the middle, for a levitating body."""
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         return super().step(tick, currents)._replace(position=1e-4 * (tick % 2))
@@ -96,7 +96,7 @@ def described(
 
 def test_nothing_is_wrong_with_the_file(described: Description) -> None:
     found = Validator(described.database.session)()  # type: ignore[no-untyped-call]
-    # It has no place in memory for an EPK; identifiers may have dots since version 1.6.
+    # The memory has no EPK; identifiers may contain dots since version 1.6.
     assert {one.diag_code.name for one in found} <= {"MISSING_EPK", "MISSING_ADDR_EPK"}, found
 
 
@@ -117,7 +117,7 @@ def test_every_signal_setting_and_input_has_its_name_and_place(described: Descri
     with master_on(described.board) as master:
         assert master.identifier(1) == described.manifest["name"]
         for name in (*described.measurements, *described.characteristics):
-            described.code(master, name)  # there is something to be read
+            described.code(master, name)  # the value can be read
 
 
 def test_states_have_their_names(described: Description) -> None:
@@ -147,7 +147,7 @@ def test_signals_have_the_scales_and_units_of_the_controller(described: Descript
             position = described.measurements["position"]
             assert position.compuMethod.unit == "m"
             assert position.upperLimit == pytest.approx(scale["scale"])
-            # The gap that the controller works with belongs to the position that it shows.
+            # The gap of the controller belongs to the position that it reports.
             shown = described.worth(master, "position")
             at = scale["zero_gap"] - shown
             assert described.worth(master, "gap") == pytest.approx(at, abs=2e-8)
@@ -200,7 +200,7 @@ def test_settings_and_target_take_what_lies_within_the_limits_and_no_more(
 
 
 def is_refused(master: Any) -> bool:
-    """Try to put page 1 in force, and forget it either way."""
+    """Try to activate page 1, and discard it in any case."""
     try:
         master.setCalPage(ECU, SEGMENT, 1)
     except XcpResponseError as error:
@@ -226,13 +226,13 @@ def test_words_beyond_their_limits_are_refused(described: Description) -> None:
                     taken.add((name, code))
                     described.write(master, name, before)
                     assert not is_refused(master)
-    # The check of a block takes -1.0 for these two, one code below what the table names.
+    # The check of a block accepts -1.0 for these two, one code below the table.
     assert taken <= {("block.demand_low", -(1 << 15)), ("block.current_low", -(1 << 15))}
     assert tried > 30
 
 
 def test_time_is_what_the_slave_says(described: Description) -> None:
-    """The period in the A2L, in the slave, and of the controller are one."""
+    """The period is equal in the A2L, in the slave and in the controller."""
     rate = described.manifest["rate_Hz"]
     with master_on(described.board) as master:
         resolution = master.getDaqInfo()["resolution"]

@@ -53,7 +53,7 @@ def ask(chip: Chip, request: Message, sequence: int) -> Message:
     """Send a request over the emulated serial port and return its answer."""
     chip.receive(encode(request, sequence))
     frames_back = Receiver().feed(chip.send())
-    for _ in range(200):  # a whole block takes the main loop a while
+    for _ in range(200):  # the main loop needs several runs for a block
         if frames_back:
             break
         chip.main_loop()
@@ -164,7 +164,7 @@ def test_an_over_current_is_cut_by_the_timer_and_works_again_at_zero(chip: Chip)
 
 def test_the_status_reports_the_cycles_of_a_tick(chip: Chip) -> None:
     settled(chip)
-    assert status_of(chip, 2).cycles == 1000  # of a counter that is read twice in a tick
+    assert status_of(chip, 2).cycles == 1000  # the counter is read twice per tick
 
 
 def test_a_block_that_is_kept_is_in_force_after_the_next_start(

@@ -90,9 +90,9 @@ def test_a_swap_at_full_demand_moves_the_current_along_the_ramp(
     again = follow(board, controller, set_generation(compiled(KIND).words.tolist(), 9))
     for drives, factor in ((less, 0.8), (again, 1.25)):
         assert np.abs(np.diff(drives)).max() <= STEP * (1.0 + 1e-6)
-        # What was driven on the way counts: too much of it leaves the iron on its falling branch.
+        # The driven current counts: too much of it leaves the iron on its descending branch.
         assert drives[-1] == pytest.approx(factor * drives[0], rel=0.08)
         assert abs(drives[-1] - drives[-2]) < 0.1 * STEP
     controller.demand(0)
     board.bus.step()
-    assert board.bus.drive < 0.2  # from then on as fast as ever
+    assert board.bus.drive < 0.2  # then with the usual rate

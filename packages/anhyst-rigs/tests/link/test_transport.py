@@ -69,7 +69,7 @@ def test_a_controller_that_vanishes(host_firmware: Path) -> None:
         ControllerLink(started.url, timeout=0.02, attempts=3) as controller,
     ):
         assert started.bus_socket is not None
-        started.bus_socket.close()  # the firmware ends when its plant hangs up
+        started.bus_socket.close()  # the firmware ends when its plant disconnects
         with pytest.raises(InputError) as caught:
             list(controller.stream(range(100)))
         assert caught.value.code in {"no-answer", "port-gone"}

@@ -78,10 +78,10 @@ def check_whole(board: RunningFirmware, ticks: int) -> None:
     """Every tick is there once and in order, and says what was driven in it."""
     first = board.bus.tick + 1
     rows = measure(board, ticks)
-    assert np.array_equal(rows[:, 0], np.arange(ticks))  # pyxcp counts from the first sample on
+    assert np.array_equal(rows[:, 0], np.arange(ticks))  # pyxcp counts from the first sample
     plant = board.bus.plant
     assert isinstance(plant, NoisyPlant)
-    # What is driven in a tick is what the plant is given at the next one.
+    # The plant receives the current of a tick in the next tick.
     driven = np.array(plant.drives[first : first + ticks - 1])
     assert np.array_equal(rows[:-1, 1 + EIGHT.index("drive")], np.rint(driven * 2.0**31))
     assert np.ptp(driven) > 0.3
@@ -163,7 +163,7 @@ def test_a_wrong_key_ends_the_connection(xcp_board: RunningFirmware) -> None:
         line.settimeout(1.0)
         assert ask(line, b"\xff\x00")[0] == 0xFF
         again = ask(line, b"\xf8\x00\x01")
-        assert again[2:] != seed[2:]  # a key that was seen is of no use
+        assert again[2:] != seed[2:]  # a used key is invalid
         assert ask(line, b"\xf7\x04" + compute_key(again[2:])) == b"\xff\x00"
 
 
@@ -217,7 +217,7 @@ OF_FORCE = [setting for setting in SETTINGS if setting.body in ("", "force")]
 def test_settings_keep_their_limits(xcp_board: RunningFirmware, setting: object) -> None:
     number = [each is setting for each in SETTINGS].index(True)
     value = SETTINGS[number]
-    high = RATE // 2 if value.name.endswith("_ticks") else value.high  # the board's ceiling
+    high = RATE // 2 if value.name.endswith("_ticks") else value.high  # the limit of the board
     with (
         ControllerLink(xcp_board.url, timeout=1.0) as controller,
         master_on(xcp_board, unlocked=True) as master,
@@ -264,7 +264,7 @@ def test_a_page_is_swapped_in_at_full_demand_along_the_ramp(xcp_board: RunningFi
         assert before > 0.6
         download(master, weaker(0.8))
         bus.step(4)
-        assert bus.drive == pytest.approx(before, abs=1e-3)  # page 0 is in force still
+        assert bus.drive == pytest.approx(before, abs=1e-3)  # page 0 is still active
         assert master.getCalPage(ECU, SEGMENT) == 0
         master.setCalPage(ECU, SEGMENT, 1)
         assert master.getCalPage(ECU, SEGMENT) == 1
@@ -282,7 +282,7 @@ def test_one_word_is_calibrated_and_the_checksum_follows(xcp_board: RunningFirmw
         ControllerLink(xcp_board.url, timeout=1.0) as controller,
         master_on(xcp_board, unlocked=True) as master,
     ):
-        for generation in (41, 42):  # twice: the places take turns
+        for generation in (41, 42):  # twice, because the two buffers alternate
             master.setCalPage(XCP, SEGMENT, 1)
             master.setMta(place, 0)
             master.download(generation.to_bytes(2, "little"))
@@ -293,7 +293,7 @@ def test_one_word_is_calibrated_and_the_checksum_follows(xcp_board: RunningFirmw
         assert words == set_generation(words, 42)
         master.setMta(place, 0)
         master.download(b"\x07\x00")
-        master.copyCalPage(SEGMENT, 0, SEGMENT, 1)  # changed one's mind
+        master.copyCalPage(SEGMENT, 0, SEGMENT, 1)  # discard the change
         assert master.shortUpload(2, place, 0) == b"\x2a\x00"
 
 
@@ -303,7 +303,7 @@ def test_a_page_that_is_no_block_for_this_board_is_refused(
 ) -> None:
     words = set_generation(compiled(KIND).words.tolist(), 9)
     if name == "damaged":
-        words[-1] ^= 1  # its own checksum is written with it, and not right any more
+        words[-1] ^= 1  # its checksum is written too, and is now wrong
     elif name == "law":
         words[WORD_INDEX["KIND"]] = 1
         words = set_generation(words, 9)
@@ -336,7 +336,7 @@ def test_the_next_master_begins_anew(xcp_board: RunningFirmware) -> None:
     with connected(xcp_board) as line:
         seed = ask(line, b"\xf8\x00\x01")
         assert ask(line, b"\xf7\x04" + compute_key(seed[2:]))[0] == 0xFF
-        start_sampling(line, ["gap"])  # and the cable is pulled
+        start_sampling(line, ["gap"])  # then the connection is cut
     with master_on(xcp_board) as master:
         xcp_board.bus.step(10)
         status = master.getStatus()
@@ -383,7 +383,7 @@ def start_sampling(line: socket.socket, names: list[str], prescaler: int = 1) ->
 
 def take(line: socket.socket) -> bytes:
     """Return the next packet."""
-    # Read, not peeked at: what is left of a segment holds all of its memory, and so shuts the window.
+    # Read the data instead of peeking, because a partly read segment holds all of its memory.
     length, _ = struct.unpack("<HH", exactly(line, 4))
     return exactly(line, length)
 

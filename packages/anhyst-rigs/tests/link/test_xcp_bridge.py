@@ -55,7 +55,7 @@ def test_eight_signals_of_every_tick_come_through_the_link(bridged: RunningFirmw
         first = bridged.bus.tick + 1
         for part in range(30):
             write(master, "set_demand", FULL // 4 * (part % 4))
-            bridged.bus.step(50)  # no more than the queue holds: virtual time outruns the link
+            bridged.bus.step(50)  # at most the size of the queue
             samples.wait(50 * (part + 1))
         samples.end()
         assert read(master, "state") == State.RUN
@@ -105,10 +105,10 @@ def test_the_next_master_behind_the_link_begins_anew(bridged: RunningFirmware) -
     with master_on(bridged, unlocked=True) as master:
         write(master, "demand_slew", 4321)
     with connected(bridged) as line:
-        line.sendall(b"\xff\xff\0\0")  # a length that cannot be: the bridge hangs up
+        line.sendall(b"\xff\xff\0\0")  # an invalid length: the bridge disconnects
         assert line.recv(1) == b""
     with connected(bridged):
-        pass  # and the cable is pulled
+        pass  # then the connection is cut
     with master_on(bridged) as master:
         assert master.getStatus().resourceProtectionStatus.calpag
         assert read(master, "demand_slew") == 4321

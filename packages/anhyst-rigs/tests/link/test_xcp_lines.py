@@ -44,7 +44,7 @@ def test_a_master_commands_the_emulated_board_and_is_its_heartbeat(
     emulated: RunningFirmware,
 ) -> None:
     bus = emulated.bus
-    for _ in range(2):  # masters come and go
+    for _ in range(2):  # two masters one after the other
         with master_on(emulated) as master:
             assert master.identifier(0) == "handmade"
     with master_on(emulated, unlocked=True) as master:
@@ -122,5 +122,5 @@ def test_a_master_on_the_second_serial_port_of_the_nucleo(chip: Chip) -> None:
     rows = np.array(samples.rows)
     period = 1_000_000_000 // RATE
     assert np.array_equal(np.diff(rows[:, 0]), np.full(len(rows) - 1, period))
-    assert len(set(rows[:, 1])) == 2  # the noise of the gap
+    assert len(set(rows[:, 1])) == 2  # noise of the gap
     assert rows[-1, 2] == State.READY

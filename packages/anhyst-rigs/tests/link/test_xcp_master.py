@@ -35,7 +35,7 @@ def test_the_nucleo_is_measured_and_commanded_over_its_second_serial_port(chip: 
         while len(rows) < 40:
             rows = np.concatenate((rows, master.take_samples(int(rows[-1, 0]) + 1)))
         assert (np.diff(rows[:, 0]) == master.tick_interval).all()
-        assert len(set(rows[:, 1 + master.signals.index("gap")])) == 2  # its noise
+        assert len(set(rows[:, 1 + master.signals.index("gap")])) == 2  # noise of the gap
         assert {one.name for one in SIGNALS} > set(master.signals)
         master.write_setting(Setting.DEMAND_SLEW, 12345)
         assert master.read_setting(Setting.DEMAND_SLEW) == 12345
@@ -86,7 +86,7 @@ def test_a_lost_answer_is_said_and_the_next_one_is_not_mistaken(terminal: Termin
     def answer() -> None:
         """Lose the first answer, send it late, then be in step."""
         os.read(terminal.ours, 64)
-        os.read(terminal.ours, 64)  # the question whether both are in step
+        os.read(terminal.ours, 64)  # the synchronisation request
         os.write(terminal.ours, on_line(b"\xff\1") + on_line(b"\xfe\0"))
         os.read(terminal.ours, 64)
         os.write(terminal.ours, on_line(b"\xff\2"))

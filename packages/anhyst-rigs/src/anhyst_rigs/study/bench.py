@@ -74,7 +74,7 @@ def open_bench(
 
 
 def open_board(folder: PathLike, url: str) -> HardwareBench:
-    """Open the bench of a controller that runs by itself."""
+    """Open the bench of a stand-alone controller."""
     manifest = _manifest(folder)
     return HardwareBench(lambda: XcpMaster(url), manifest)
 
@@ -91,7 +91,7 @@ def controller_url(xcp: str | None, port: str | None) -> str | None:
 
 
 def measure_through_board(folder: PathLike, url: str) -> MeasureFunction:
-    """Return a function that measures loops with a controller that runs by itself."""
+    """Return a function that measures loops with a stand-alone controller."""
 
     def measure(specimen: Specimen, progress: Progress | None) -> Excitation:
         with closing(open_board(folder, url)) as bench:
@@ -101,7 +101,7 @@ def measure_through_board(folder: PathLike, url: str) -> MeasureFunction:
 
 
 def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
-    """Read the data to improve the model of a controller that runs by itself."""
+    """Read the data to improve the model of a stand-alone controller."""
     manifest = _manifest(folder)
     rig = read_rig(rig_path)
     if manifest["controller"] is not None or manifest["io"] not in ("q15", "q31"):

@@ -118,7 +118,7 @@ class ForceControl(StudyResult):
 
     @property
     def verdict(self) -> Judgement:
-        """Whether compensation is worth it, by the worst errors of all stages."""
+        """Whether compensation is beneficial, by the worst errors of all stages."""
         if self.lost_in:
             return Judgement("unknown", f"the force was lost: {'; '.join(self.lost_in)}")
         return judge_stages(self.figures["summary"])

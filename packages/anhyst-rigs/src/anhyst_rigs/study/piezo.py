@@ -132,7 +132,7 @@ class PiezoTracking(StudyResult):
 
     @property
     def verdict(self) -> Judgement:
-        """Whether compensation is worth it, by the rms deviation."""
+        """Whether compensation is beneficial, by the rms deviation."""
         if self.lost_in:
             return Judgement("unknown", f"the loop was lost: {'; '.join(self.lost_in)}")
         return judge_ratio(self.deviation_ratio())

@@ -191,7 +191,7 @@ class PreparedForce(ForceRig):
 
 @dataclass(frozen=True)
 class PreparedBoard(ForceRig):
-    """An actuator with a controller that runs by itself, and the data of its compilation."""
+    """An actuator with a stand-alone controller, and the data of its compilation."""
 
     model: Model  # model from which the controller was compiled
     request: CompileRequest

@@ -155,7 +155,7 @@ class Simulation(StudyResult):
 
     @property
     def verdict(self) -> Judgement:
-        """Whether compensation is worth it, by the overshoots of all steps."""
+        """Whether compensation is beneficial, by the overshoots of all steps."""
         return judge_steps(group_by_step(self.cells), self.main_variant)
 
     @property
